@@ -1,0 +1,1 @@
+//! Values, node trait, graph, engine and diagnostics of Warploom.

@@ -1,0 +1,68 @@
+//! The regular lattice that warps live on.
+
+/// A regular lattice of nodes at rest: node (c, r) lies at `origin + (c, r) * spacing`, in px.
+///
+/// Arrays over its nodes are row-major, `nodes[0]` columns wide; arrays over its cells are row-major,
+/// `nodes[0] - 1` columns wide.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Lattice {
+    /// Position of node (0, 0), px.
+    pub origin: [f64; 2],
+    /// Distance between neighbours along x and y, px, positive.
+    pub spacing: [f64; 2],
+    /// Columns and rows of nodes, at least 2 each.
+    pub nodes: [usize; 2],
+}
+
+impl Lattice {
+    /// Count of nodes.
+    pub fn node_count(&self) -> usize {
+        self.nodes[0] * self.nodes[1]
+    }
+
+    /// Columns and rows of cells.
+    pub fn cells(&self) -> [usize; 2] {
+        [self.nodes[0] - 1, self.nodes[1] - 1]
+    }
+
+    /// Rest position of node (column, row), px.
+    pub fn rest(&self, column: usize, row: usize) -> [f64; 2] {
+        [self.origin[0] + column as f64 * self.spacing[0], self.origin[1] + row as f64 * self.spacing[1]]
+    }
+
+    /// Centre of the lattice, px.
+    pub fn center(&self) -> [f64; 2] {
+        let [w, h] = self.size();
+        [self.origin[0] + w / 2.0, self.origin[1] + h / 2.0]
+    }
+
+    /// Width and height of the rectangle it covers, px.
+    pub fn size(&self) -> [f64; 2] {
+        let [columns, rows] = self.cells();
+        [columns as f64 * self.spacing[0], rows as f64 * self.spacing[1]]
+    }
+}
+
+/// Positions of all nodes of a lattice, one array per coordinate, px, row-major.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Positions {
+    /// x of each node.
+    pub x: Vec<f64>,
+    /// y of each node.
+    pub y: Vec<f64>,
+}
+
+impl Positions {
+    /// `map` of every node's rest position.
+    pub fn from_map(lattice: &Lattice, map: impl Fn([f64; 2]) -> [f64; 2]) -> Self {
+        let (mut x, mut y) = (Vec::with_capacity(lattice.node_count()), Vec::with_capacity(lattice.node_count()));
+        for row in 0..lattice.nodes[1] {
+            for column in 0..lattice.nodes[0] {
+                let [px, py] = map(lattice.rest(column, row));
+                x.push(px);
+                y.push(py);
+            }
+        }
+        Self { x, y }
+    }
+}

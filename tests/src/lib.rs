@@ -1,0 +1,1 @@
+//! Contract, golden, engine and command-line tests of Warploom.
