@@ -1,0 +1,139 @@
+//! What a node sees while it computes.
+
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use super::io::Io;
+use crate::node::{ErrorClass, In, NodeError, Port, ReadPath, Request, WritePath};
+use crate::value::{BufferMut, Digest, Sample, Value};
+
+/// A file that a sink wrote.
+#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub struct Artifact {
+    /// Absolute.
+    pub path: PathBuf,
+    /// Size of the file.
+    pub bytes: u64,
+    /// Digest of its content.
+    pub blake3: Digest,
+}
+
+/// Whether to go on, and who wants to know how far it is.
+pub(crate) trait Control: Sync {
+    /// The part done, 0..=1; false means stop.
+    fn progress(&self, part: f64) -> bool;
+}
+
+/// What a node sees while it computes: its inputs, its files, its budget; and how it is told to stop.
+pub struct Context<'a> {
+    pub(crate) inputs: &'a [Vec<(Request, Value)>],
+    pub(crate) request: &'a Request,
+    pub(crate) frame: Option<i64>,
+    pub(crate) files: &'a [(PathBuf, Digest)],
+    pub(crate) io: &'a dyn Io,
+    pub(crate) control: &'a dyn Control,
+    pub(crate) budget: u64,
+    pub(crate) allocated: AtomicU64,
+    pub(crate) artifacts: Mutex<Vec<Artifact>>,
+}
+
+impl Context<'_> {
+    /// What feeds `port`, if it asks for one request as most do.
+    pub fn get<K: Port>(&self, port: &In<K>) -> K::Seen {
+        see::<K>(&self.inputs[port.slot][0].1)
+    }
+
+    /// What feeds an optional port.
+    pub fn get_optional<K: Port>(&self, port: &Option<In<K>>) -> Option<K::Seen> {
+        port.as_ref().map(|port| self.get(port))
+    }
+
+    /// What feeds a list of ports, in the order of the graph file.
+    pub fn get_all<K: Port>(&self, ports: &[In<K>]) -> Vec<K::Seen> {
+        ports.iter().map(|port| self.get(port)).collect()
+    }
+
+    /// The answers to all requests that `needs` made of `port`, in its order.
+    pub fn answers<K: Port>(&self, port: &In<K>) -> Vec<(Request, K::Seen)> {
+        self.inputs[port.slot].iter().map(|(request, value)| (request.clone(), see::<K>(value))).collect()
+    }
+
+    /// What is asked for. Its frame is only there for node types that declare to read it.
+    pub fn request(&self) -> Request {
+        self.request.at(self.frame)
+    }
+
+    /// Zeros to draw on; refused if this node's allocations pass the memory budget.
+    pub fn plane<T: Sample>(&self, width: usize, height: usize) -> Result<BufferMut<T>, NodeError> {
+        self.reserve(width as u128 * height as u128 * size_of::<T>() as u128)?;
+        Ok(BufferMut::zeroed(width, height))
+    }
+
+    /// Counts `bytes` that the node is about to allocate against the memory budget.
+    pub fn reserve(&self, bytes: u128) -> Result<(), NodeError> {
+        let before = self.allocated.fetch_add(bytes.min(u128::from(u64::MAX / 2)) as u64, Ordering::Relaxed);
+        let total = bytes + u128::from(before);
+        if total <= u128::from(self.budget) {
+            return Ok(());
+        }
+        let message = format!("needs {}, more than the memory budget of {}", megabytes(total), megabytes(self.budget));
+        Err(NodeError::new(ErrorClass::OverBudget, message).hint("ask for less, or raise --memory"))
+    }
+
+    /// The content of a file parameter: the very bytes whose digest is in this node's key.
+    pub fn read(&self, path: &ReadPath) -> Result<Vec<u8>, NodeError> {
+        let path = path.path();
+        let expected = self.files.iter().find(|(known, _)| known == path).map(|(_, digest)| digest);
+        let unreadable = |problem: String| NodeError::new(ErrorClass::InputUnreadable, problem);
+        let size = self.io.stat(path).map_err(|e| unreadable(cannot_read(path, &e)))?.size;
+        self.reserve(size.into())?;
+        let bytes = self.io.read(path).map_err(|e| unreadable(cannot_read(path, &e)))?;
+        if expected != Some(&Digest::of_bytes(&bytes)) {
+            return Err(unreadable(format!("{} changed while it was read", path.display()))
+                .hint("run again once it is written whole"));
+        }
+        Ok(bytes)
+    }
+
+    /// Writes a file whole or not at all.
+    pub fn write(&self, path: &WritePath, bytes: &[u8]) -> Result<(), NodeError> {
+        let path = path.path();
+        self.io.write(path, bytes).map_err(|e| {
+            let message = format!("cannot write {}: {}", path.display(), plain(&e));
+            NodeError::new(ErrorClass::OutputUnwritable, message)
+        })?;
+        let artifact = Artifact { path: path.to_owned(), bytes: bytes.len() as u64, blake3: Digest::of_bytes(bytes) };
+        self.artifacts.lock().unwrap_or_else(std::sync::PoisonError::into_inner).push(artifact);
+        Ok(())
+    }
+
+    /// Says how far the node is, 0..=1. An error means stop; pass it on.
+    pub fn progress(&self, part: f64) -> Result<(), NodeError> {
+        match self.control.progress(part) {
+            true => Ok(()),
+            false => Err(NodeError::new(ErrorClass::Cancelled, "stopped")),
+        }
+    }
+}
+
+fn see<K: Port>(value: &Value) -> K::Seen {
+    K::see(value).expect("the graph's check lets only fitting kinds through")
+}
+
+pub(crate) fn cannot_read(path: &Path, error: &std::io::Error) -> String {
+    match error.kind() {
+        std::io::ErrorKind::NotFound => format!("{} does not exist", path.display()),
+        _ => format!("cannot read {}: {}", path.display(), plain(error)),
+    }
+}
+
+/// An I/O error without the number at its end.
+fn plain(error: &std::io::Error) -> String {
+    let text = error.to_string();
+    text.split(" (os error").next().unwrap_or(&text).to_lowercase()
+}
+
+fn megabytes(bytes: impl Into<u128>) -> String {
+    format!("{:.1} MB", bytes.into() as f64 / 1e6)
+}

@@ -1,0 +1,332 @@
+//! A node type's parameters, compiled from its JSON Schema.
+//!
+//! The schema is what a Rust node derives and what a plugin ships; both take this path.
+
+use serde_json::{Map, Value as Json};
+
+use crate::value::Kind;
+
+/// A port or parameter.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Param {
+    /// Its name in a graph file.
+    pub name: String,
+    /// What it is for.
+    pub doc: String,
+    /// What it takes.
+    pub shape: Shape,
+    /// The value it has when it is not given; ports have none.
+    pub default: Json,
+    /// Whether it must be given.
+    pub required: bool,
+    /// The unit of its numbers.
+    pub unit: Option<String>,
+}
+
+/// What a parameter takes.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Shape {
+    /// A finite number; may be Keys or a link.
+    Number(Range),
+    /// A whole number; may be Keys or a link only where `animatable`.
+    Integer {
+        /// Smallest and largest.
+        range: IntRange,
+        /// Whether Keys and links are allowed.
+        animatable: bool,
+    },
+    /// `true` or `false`.
+    Bool,
+    /// Text; a path where it says so.
+    Text(Option<Access>),
+    /// One of several names, some with content.
+    Choice(Vec<Variant>),
+    /// A fixed count of values in parentheses.
+    Tuple(Vec<Shape>),
+    /// Any count of values in brackets.
+    List(Box<Shape>),
+    /// Named fields in parentheses.
+    Struct(Vec<Param>),
+    /// The same, or `None`.
+    Optional(Box<Shape>),
+    /// An input port.
+    Port(PortShape),
+}
+
+/// Range of a number.
+#[derive(Clone, Copy, Debug, PartialEq, Default)]
+pub struct Range {
+    /// Least value.
+    pub min: Option<f64>,
+    /// Greatest value.
+    pub max: Option<f64>,
+    /// Whether the least value itself is out.
+    pub above_min: bool,
+}
+
+/// Range of a whole number.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct IntRange {
+    /// Least value.
+    pub min: i128,
+    /// Greatest value.
+    pub max: i128,
+}
+
+/// What a path parameter is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Access {
+    /// The node reads the file.
+    Read,
+    /// The node writes the file.
+    Write,
+}
+
+/// One name of a choice.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Variant {
+    /// The name.
+    pub name: String,
+    /// What it means.
+    pub doc: String,
+    /// What stands in parentheses after it.
+    pub content: Option<Shape>,
+}
+
+/// An input port.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PortShape {
+    /// Kinds that may be connected.
+    pub kinds: Vec<Kind>,
+    /// Whether it takes one, at most one, or a list.
+    pub arity: Arity,
+    /// Whether only windows are read.
+    pub windows_only: bool,
+}
+
+/// How many connections a port takes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Arity {
+    /// Exactly one.
+    One,
+    /// One or none.
+    Optional,
+    /// A list of at least one.
+    List,
+}
+
+impl Range {
+    /// Whether `value` lies in it.
+    pub fn holds(&self, value: f64) -> bool {
+        self.min.is_none_or(|min| if self.above_min { value > min } else { value >= min })
+            && self.max.is_none_or(|max| value <= max)
+    }
+}
+
+impl std::fmt::Display for Range {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match (self.min, self.max, self.above_min) {
+            (None, None, _) => f.write_str("any finite number"),
+            (Some(min), None, false) => write!(f, "at least {min}"),
+            (Some(min), None, true) => write!(f, "more than {min}"),
+            (None, Some(max), _) => write!(f, "at most {max}"),
+            (Some(min), Some(max), false) => write!(f, "{min} to {max}"),
+            (Some(min), Some(max), true) => write!(f, "more than {min}, at most {max}"),
+        }
+    }
+}
+
+impl std::fmt::Display for IntRange {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "a whole number from {} to {}", self.min, self.max)
+    }
+}
+
+/// Compiles the properties of a node type's schema; `defaults` is the type's default value as JSON.
+///
+/// The error says which property has a schema that no parameter can have; it is the author's to mend.
+pub fn params(schema: &Json, defaults: &Json) -> Result<Vec<Param>, String> {
+    let empty = Map::new();
+    let properties = schema.get("properties").and_then(Json::as_object).unwrap_or(&empty);
+    properties
+        .iter()
+        .map(|(name, property)| {
+            let shape = shape(property).map_err(|message| format!("{name}: {message}"))?;
+            let required = match &shape {
+                Shape::Port(port) => port.arity != Arity::Optional,
+                _ => property.get("x-required") == Some(&Json::Bool(true)),
+            };
+            Ok(Param {
+                name: name.clone(),
+                doc: text(property, "description"),
+                default: defaults.get(name).cloned().unwrap_or(Json::Null),
+                required,
+                unit: property.get("x-unit").and_then(Json::as_str).map(str::to_owned),
+                shape,
+            })
+        })
+        .collect()
+}
+
+fn text(schema: &Json, key: &str) -> String {
+    schema.get(key).and_then(Json::as_str).unwrap_or_default().to_owned()
+}
+
+fn shape(schema: &Json) -> Result<Shape, String> {
+    if let Some(kinds) = schema.get("x-port") {
+        return port(schema, kinds).map(Shape::Port);
+    }
+    if let Some(variants) = schema.get("oneOf").and_then(Json::as_array) {
+        return choice(variants).map(Shape::Choice);
+    }
+    if let Some(names) = schema.get("enum").and_then(Json::as_array) {
+        return choice(names).map(Shape::Choice);
+    }
+    if let Some(options) = schema.get("anyOf").and_then(Json::as_array) {
+        let some: Vec<&Json> = options.iter().filter(|option| option.get("type") != Some(&"null".into())).collect();
+        return match some[..] {
+            [only] => Ok(Shape::Optional(Box::new(shape(only)?))),
+            _ => Err("of several alternatives, only one or none can be told apart".into()),
+        };
+    }
+    match schema.get("type") {
+        Some(Json::String(kind)) => plain(kind, schema),
+        Some(Json::Array(kinds)) => match &kinds[..] {
+            [Json::String(kind), Json::String(null)] if null == "null" => {
+                Ok(Shape::Optional(Box::new(plain(kind, schema)?)))
+            }
+            _ => Err("a parameter has one type".into()),
+        },
+        _ => Err("it has no type".into()),
+    }
+}
+
+fn plain(kind: &str, schema: &Json) -> Result<Shape, String> {
+    let number = |key: &str| schema.get(key).and_then(Json::as_f64);
+    Ok(match kind {
+        "number" => {
+            let above = number("exclusiveMinimum");
+            let min = above.or(number("minimum"));
+            Shape::Number(Range { min, max: number("maximum"), above_min: above.is_some() })
+        }
+        "integer" => {
+            let (least, greatest) = integer_limits(schema.get("format").and_then(Json::as_str));
+            let min = number("minimum").map_or(least, |min| (min as i128).max(least));
+            let max = number("maximum").map_or(greatest, |max| (max as i128).min(greatest));
+            let animatable = schema.get("x-animatable") == Some(&Json::Bool(true));
+            Shape::Integer { range: IntRange { min, max }, animatable }
+        }
+        "boolean" => Shape::Bool,
+        "string" => Shape::Text(match schema.get("x-path").and_then(Json::as_str) {
+            Some("read") => Some(Access::Read),
+            Some("write") => Some(Access::Write),
+            _ => None,
+        }),
+        "object" => Shape::Struct(params(schema, schema.get("default").unwrap_or(&Json::Null))?),
+        "array" => return array(schema),
+        other => return Err(format!("no parameter can be of type {other}")),
+    })
+}
+
+fn array(schema: &Json) -> Result<Shape, String> {
+    if let Some(items) = schema.get("prefixItems").and_then(Json::as_array) {
+        return Ok(Shape::Tuple(items.iter().map(shape).collect::<Result<_, _>>()?));
+    }
+    let items = schema.get("items").ok_or("a list needs `items`")?;
+    if let Some(kinds) = items.get("x-port") {
+        return port(items, kinds).map(|port| Shape::Port(PortShape { arity: Arity::List, ..port }));
+    }
+    let item = shape(items)?;
+    let count = |key: &str| schema.get(key).and_then(Json::as_u64);
+    match (count("minItems"), count("maxItems")) {
+        (Some(min), Some(max)) if min == max => Ok(Shape::Tuple(vec![item; min as usize])),
+        _ => Ok(Shape::List(Box::new(item))),
+    }
+}
+
+fn port(schema: &Json, kinds: &Json) -> Result<PortShape, String> {
+    let names = kinds.as_array().ok_or("x-port is a list of kinds")?;
+    let kinds: Vec<Kind> = names
+        .iter()
+        .map(|name| {
+            let name = name.as_str().ok_or("x-port is a list of kinds")?;
+            Kind::from_name(name).ok_or_else(|| format!("there is no kind {name}"))
+        })
+        .collect::<Result<_, String>>()?;
+    let arity = if schema.get("type").is_some_and(Json::is_array) { Arity::Optional } else { Arity::One };
+    let windows_only = schema.get("x-reads").and_then(Json::as_str) == Some("windows");
+    Ok(PortShape { kinds, arity, windows_only })
+}
+
+fn choice(variants: &[Json]) -> Result<Vec<Variant>, String> {
+    let mut found = Vec::new();
+    for variant in variants {
+        let doc = text(variant, "description");
+        if let Some(name) = variant.as_str().or_else(|| variant.get("const")?.as_str()) {
+            found.push(Variant { name: name.to_owned(), doc, content: None });
+        } else if let Some(names) = variant.get("enum").and_then(Json::as_array) {
+            found.extend(choice(names)?);
+        } else if let Some((name, content)) = variant.get("properties").and_then(|p| p.as_object()?.iter().next()) {
+            found.push(Variant { name: name.clone(), doc, content: Some(shape(content)?) });
+        } else {
+            return Err("a choice is between names".into());
+        }
+    }
+    Ok(found)
+}
+
+fn integer_limits(format: Option<&str>) -> (i128, i128) {
+    match format {
+        Some("uint8") => (0, u8::MAX.into()),
+        Some("uint16") => (0, u16::MAX.into()),
+        Some("uint32") => (0, u32::MAX.into()),
+        Some("uint64" | "uint") => (0, u64::MAX.into()),
+        Some("int32") => (i32::MIN.into(), i32::MAX.into()),
+        _ => (i64::MIN.into(), i64::MAX.into()),
+    }
+}
+
+impl Shape {
+    /// What it takes, in words; `unit` as declared beside it.
+    pub fn describe(&self, unit: Option<&str>) -> String {
+        let unit = unit.map(|unit| format!(" {unit}")).unwrap_or_default();
+        match self {
+            Shape::Number(range) if *range == Range::default() => format!("a number{}", unit.replace(' ', " in ")),
+            Shape::Number(range) => format!("a number, {range}{unit}"),
+            Shape::Integer { range, .. } => format!("{range}{unit}"),
+            Shape::Bool => "`true` or `false`".into(),
+            Shape::Text(None) => "text in double quotes".into(),
+            Shape::Text(Some(_)) => "a path in double quotes".into(),
+            Shape::Choice(variants) => {
+                let names: Vec<String> = variants.iter().map(|variant| format!("`{}`", variant.name)).collect();
+                format!("one of {}", names.join(", "))
+            }
+            Shape::Tuple(items) => {
+                let items: Vec<String> = items.iter().map(|item| item.describe(None)).collect();
+                match items.windows(2).all(|pair| pair[0] == pair[1]) {
+                    true => format!("{} values in parentheses, each {}{unit}", items.len(), items[0]),
+                    false => format!("({}){unit}", items.join(", ")),
+                }
+            }
+            Shape::List(item) => format!("a list in brackets, each item {}{unit}", item.describe(None)),
+            Shape::Struct(fields) => {
+                let names: Vec<&str> = fields.iter().map(|field| field.name.as_str()).collect();
+                format!("fields in parentheses: {}", names.join(", "))
+            }
+            Shape::Optional(inner) => format!("{}{unit}, or `None`", inner.describe(None)),
+            Shape::Port(port) => port.describe(),
+        }
+    }
+}
+
+impl PortShape {
+    /// What may be connected, in words.
+    pub fn describe(&self) -> String {
+        let kinds: Vec<&str> = self.kinds.iter().map(|kind| kind.name()).collect();
+        let kinds = kinds.join(" or ");
+        match self.arity {
+            Arity::List => format!("a list of nodes, each giving {kinds}"),
+            _ => format!("a node that gives {kinds}"),
+        }
+    }
+}

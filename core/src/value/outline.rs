@@ -1,0 +1,89 @@
+//! What is remembered of a value when its bytes are not at hand.
+
+use super::{Digest, Hasher, Kind, Value, Windows};
+
+/// Which part of a value a port looks at; what it does not look at does not enter the reader's key.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Reads {
+    /// All of it.
+    All,
+    /// Windows and pixel aspect only.
+    Windows,
+    /// Windows and those channels of an image's first layer, as far as they are there.
+    Channels(Vec<String>),
+}
+
+/// A value's digest tree, and the little that planning needs: enough to make every reader's key.
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Outline {
+    /// Digest of the whole value.
+    pub digest: Digest,
+    /// Where it lies, for kinds that lie somewhere.
+    pub windows: Option<Windows>,
+    /// Digest of each channel of an image's first layer.
+    pub channels: Vec<(String, Digest)>,
+    /// The number, of a Number: links are parameters by value.
+    pub number: Option<f64>,
+    /// Memory the value takes.
+    pub bytes: u64,
+    /// Whether its bytes can go to disk.
+    pub storable: bool,
+}
+
+impl Outline {
+    /// The outline of `value`.
+    pub fn of(value: &Value) -> Self {
+        let channels = match value {
+            Value::Image(image) => {
+                image.primary().channels.iter().map(|c| (c.name.to_string(), c.plane.digest())).collect()
+            }
+            _ => Vec::new(),
+        };
+        let number = match value {
+            Value::Number(number) => Some(*number),
+            _ => None,
+        };
+        Self {
+            digest: value.digest(),
+            windows: value.windows(),
+            channels,
+            number,
+            bytes: value.bytes(),
+            storable: value.is_storable(),
+        }
+    }
+
+    /// Digest of the part that `reads` names.
+    pub fn part(&self, reads: &Reads) -> Digest {
+        match (reads, &self.windows) {
+            (Reads::All, _) | (_, None) => self.digest,
+            (Reads::Windows, Some(windows)) => windows.digest(),
+            (Reads::Channels(names), Some(windows)) => {
+                let mut hasher = Hasher::new("channels");
+                hasher.digest(&windows.digest());
+                for (name, digest) in self.channels.iter().filter(|(name, _)| names.contains(name)) {
+                    hasher.text(name).digest(digest);
+                }
+                hasher.finish()
+            }
+        }
+    }
+}
+
+impl Reads {
+    /// `value` with what is not read taken away, so that no node can see what its key does not hold.
+    pub fn restrict(&self, value: &Value) -> Value {
+        match (self, value) {
+            (Reads::Channels(names), Value::Image(image)) => image.with_channels_only(names).into(),
+            _ => value.clone(),
+        }
+    }
+
+    /// A port of any kind but an image reads a mask, field or label map whole.
+    pub fn for_kind(self, kind: Kind) -> Self {
+        match self {
+            Reads::Channels(_) if kind != Kind::Image => Reads::All,
+            reads => reads,
+        }
+    }
+}
