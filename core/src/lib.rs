@@ -4,6 +4,7 @@
 
 pub mod diag;
 pub mod engine;
+pub mod graph;
 pub mod node;
 pub mod registry;
 pub mod schema;

@@ -1,0 +1,194 @@
+//! Why a pair ran: what it was made of now, against what it was made of last time.
+//!
+//! The journal of last times is advisory. It enters no key; without it the texts alone are poorer.
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+use serde_json::Value as Json;
+
+use super::pairs::Pairs;
+use super::report::{Reason, Status, Why};
+use super::run::PairState;
+use crate::graph::plan::{Plan, PlanNode};
+use crate::schema::{Access, Shape};
+use crate::value::Digest;
+
+/// What a pair's key was made of.
+pub(crate) struct Evidence {
+    pub params: serde_json::Map<String, Json>,
+    /// Per slot, per request: digest of the part that is read.
+    pub inputs: Vec<Vec<Digest>>,
+    pub files: Vec<(PathBuf, Digest)>,
+}
+
+/// Why a sink whose key was known ran all the same.
+pub(crate) enum Trigger {
+    OutputMissing(PathBuf),
+    OutputChanged(PathBuf),
+}
+
+/// What the pairs of a graph were made of when they were last resolved.
+#[derive(Clone, Default, Serialize, Deserialize)]
+#[serde(transparent)]
+pub(crate) struct Journal(HashMap<String, Entry>);
+
+#[derive(Clone, Serialize, Deserialize)]
+struct Entry {
+    key: Digest,
+    node_type: String,
+    version: u32,
+    params: serde_json::Map<String, Json>,
+    /// Per connection: port, source and output, digests.
+    inputs: Vec<(String, String, Vec<Digest>)>,
+    files: Vec<(PathBuf, Digest)>,
+}
+
+fn name(node: &PlanNode, frame: Option<i64>) -> String {
+    match frame {
+        Some(frame) => format!("{}@{frame}", node.id),
+        None => node.id.to_string(),
+    }
+}
+
+impl Journal {
+    /// The reason of every pair that ran, and the journal brought up to date.
+    pub fn explain(&mut self, plan: &Plan, pairs: &Pairs, states: &[PairState]) -> Vec<Option<Why>> {
+        let mut rank = vec![0; plan.nodes.len()];
+        plan.order.iter().enumerate().for_each(|(at, &node)| rank[node] = at);
+        let mut order: Vec<usize> = (0..pairs.list.len()).collect();
+        order.sort_by_key(|&at| rank[pairs.list[at].node]);
+
+        let mut changes: Vec<Option<Why>> = (0..states.len()).map(|_| None).collect();
+        let mut reasons: Vec<Option<Why>> = (0..states.len()).map(|_| None).collect();
+        for at in order {
+            let (pair, state) = (&pairs.list[at], &states[at]);
+            let node = &plan.nodes[pair.node];
+            let (Some(key), Some(evidence)) = (state.key, &state.evidence) else { continue };
+            let now = Entry {
+                key,
+                node_type: node.node_type.name.clone(),
+                version: node.node_type.version,
+                params: evidence.params.clone(),
+                inputs: connections(plan, node, evidence),
+                files: evidence.files.clone(),
+            };
+            let before = self.0.insert(name(node, pair.request.frame), now.clone());
+            changes[at] = match &before {
+                None => Some(plain(node, Reason::FirstRun, format!("`{}` runs here for the first time", node.id))),
+                Some(before) if before.key == key => None,
+                Some(before) => Some(
+                    own_change(node, before, &now)
+                        .or_else(|| inherited(pair, before, &now, &changes))
+                        .unwrap_or_else(|| rewired(node, before, &now)),
+                ),
+            };
+            reasons[at] = match state.status {
+                Some(Status::Executed | Status::Failed) => {
+                    Some(triggered(node, state).or_else(|| changes[at].clone()).unwrap_or_else(|| evicted(node)))
+                }
+                Some(Status::Recomputed) => Some(not_kept(node)),
+                _ => None,
+            };
+        }
+        let known: std::collections::HashSet<&str> = plan.nodes.iter().map(|node| &*node.id).collect();
+        self.0.retain(|name, _| known.contains(name.split('@').next().unwrap_or_default()));
+        reasons
+    }
+}
+
+fn connections(plan: &Plan, node: &PlanNode, evidence: &Evidence) -> Vec<(String, String, Vec<Digest>)> {
+    let slots = node.slots.iter().zip(&evidence.inputs);
+    slots
+        .map(|(slot, digests)| {
+            let source = &plan.nodes[slot.source];
+            let output = source.node_type.outputs[slot.output].name;
+            (slot.port.clone(), format!("{}.{output}", source.id), digests.clone())
+        })
+        .collect()
+}
+
+fn plain(node: &PlanNode, code: Reason, text: String) -> Why {
+    let at = node.place.as_ref().map(ToString::to_string);
+    Why { code, node: node.id.to_string(), param: None, old: None, new: None, at, text }
+}
+
+/// A change of the node's own: its type, version, parameters or files.
+fn own_change(node: &PlanNode, before: &Entry, now: &Entry) -> Option<Why> {
+    if (&before.node_type, before.version) != (&now.node_type, now.version) {
+        let (old, new) =
+            (format!("{} {}", before.node_type, before.version), format!("{} {}", now.node_type, now.version));
+        let text = format!("`{}` was of type {old} and is of type {new}", node.id);
+        return Some(Why { old: Some(old.into()), new: Some(new.into()), ..plain(node, Reason::Version, text) });
+    }
+    for param in &node.node_type.params {
+        let (old, new) = (before.params.get(&param.name), now.params.get(&param.name));
+        let by_content = matches!(param.shape, Shape::Port(_) | Shape::Text(Some(Access::Read)));
+        if old != new && !by_content {
+            let (old, new) = (old.cloned().unwrap_or_default(), new.cloned().unwrap_or_default());
+            let text = format!("`{}` of `{}` was {old} and is {new}", param.name, node.id);
+            let place = node.param_places.iter().find(|(name, _)| *name == param.name).map(|(_, place)| place);
+            return Some(Why {
+                param: Some(param.name.clone()),
+                old: Some(old),
+                new: Some(new),
+                at: place.or(node.place.as_ref()).map(ToString::to_string),
+                ..plain(node, Reason::Param, text)
+            });
+        }
+    }
+    let changed = now.files.iter().zip(&before.files).find(|(new, old)| new.1 != old.1)?;
+    let ((path, new), (_, old)) = changed;
+    let param = node.params.paths.iter().find(|(_, access)| *access == Access::Read).map(|(name, _)| name.clone());
+    let text = format!("{} has other content", path.display());
+    Some(Why { param, old: Some(old.hex().into()), new: Some(new.hex().into()), ..plain(node, Reason::File, text) })
+}
+
+/// The change of the first input that changed.
+fn inherited(pair: &super::pairs::Pair, before: &Entry, now: &Entry, changes: &[Option<Why>]) -> Option<Why> {
+    for ((slot, new), old) in pair.slots.iter().zip(&now.inputs).zip(&before.inputs) {
+        for (answer, &from) in slot.iter().enumerate() {
+            if old.2.get(answer) != new.2.get(answer)
+                && let Some(why) = &changes[from]
+            {
+                return Some(why.clone());
+            }
+        }
+    }
+    None
+}
+
+/// Its ports are connected to something else.
+fn rewired(node: &PlanNode, before: &Entry, now: &Entry) -> Why {
+    let differs = |at: usize| before.inputs.get(at) != now.inputs.get(at);
+    let at = (0..before.inputs.len().max(now.inputs.len())).find(|&at| differs(at)).unwrap_or_default();
+    let source = |entry: &Entry| entry.inputs.get(at).map(|(_, source, _)| source.clone());
+    let port = now.inputs.get(at).or(before.inputs.get(at)).map(|(port, _, _)| port.clone());
+    let text = format!("`{}` of `{}` is fed by something else", port.clone().unwrap_or_default(), node.id);
+    let place = node.param_places.iter().find(|(name, _)| Some(name) == port.as_ref()).map(|(_, place)| place);
+    Why {
+        param: port,
+        old: source(before).map(Json::from),
+        new: source(now).map(Json::from),
+        at: place.or(node.place.as_ref()).map(ToString::to_string),
+        ..plain(node, Reason::Input, text)
+    }
+}
+
+fn triggered(node: &PlanNode, state: &PairState) -> Option<Why> {
+    let gone = |path: &Path| format!("{} is not there any more", path.display());
+    let other = |path: &Path| format!("{} is no longer what `{}` wrote", path.display(), node.id);
+    Some(match state.trigger.as_ref()? {
+        Trigger::OutputMissing(path) => plain(node, Reason::OutputMissing, gone(path)),
+        Trigger::OutputChanged(path) => plain(node, Reason::OutputChanged, other(path)),
+    })
+}
+
+fn evicted(node: &PlanNode) -> Why {
+    plain(node, Reason::Evicted, format!("the record of `{}` is gone from the cache", node.id))
+}
+
+fn not_kept(node: &PlanNode) -> Why {
+    plain(node, Reason::NotKept, format!("the result of `{}` is known, but its bytes were not kept", node.id))
+}

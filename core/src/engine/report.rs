@@ -1,0 +1,153 @@
+//! What a run tells of itself.
+
+use std::path::PathBuf;
+
+use serde::Serialize;
+
+use super::context::Artifact;
+use crate::diag::{Fault, Place};
+
+/// What became of a pair.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Status {
+    /// Its result was not known (or, of a sink, not there any more).
+    Executed,
+    /// Its result was known, its bytes were needed and not kept.
+    Recomputed,
+    /// Its result was known.
+    Reused,
+    /// It ended in a fault.
+    Failed,
+    /// It waited for one that failed.
+    Skipped,
+}
+
+/// Where a reused pair's result came from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum From {
+    /// Its bytes were in memory.
+    Memory,
+    /// Its bytes were read from disk.
+    Disk,
+    /// A sink's file still is what it wrote.
+    File,
+    /// Only its digest was needed.
+    Record,
+}
+
+/// Why a pair ran.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Why {
+    /// What sort of reason.
+    pub code: Reason,
+    /// The node whose change it was.
+    pub node: String,
+    /// Its parameter, file path or port.
+    pub param: Option<String>,
+    /// What that was.
+    pub old: Option<serde_json::Value>,
+    /// What it is.
+    pub new: Option<serde_json::Value>,
+    /// Where it stands, `file:line:column`.
+    pub at: Option<String>,
+    /// The same in words.
+    pub text: String,
+}
+
+/// Sorts of reasons.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Reason {
+    /// A parameter has another value.
+    Param,
+    /// A port is connected to something else.
+    Input,
+    /// A file has other content.
+    File,
+    /// The plugin is another build.
+    Plugin,
+    /// The node type is another version.
+    Version,
+    /// The file it wrote is gone.
+    OutputMissing,
+    /// The file it wrote is another now.
+    OutputChanged,
+    /// Its result was known once and is no more.
+    Evicted,
+    /// Its bytes were not kept.
+    NotKept,
+    /// It never ran here before.
+    FirstRun,
+}
+
+/// One pair of a run.
+#[derive(Clone, Debug, Serialize)]
+pub struct PairReport {
+    /// The node's name.
+    pub node: String,
+    /// Its type.
+    #[serde(rename = "type")]
+    pub node_type: String,
+    /// The frame; none of what is the same for all.
+    pub frame: Option<i64>,
+    /// What became of it.
+    pub status: Status,
+    /// Where a reused result came from.
+    pub from: Option<From>,
+    /// Seconds this run spent on it.
+    pub seconds: f64,
+    /// Memory its outputs take.
+    pub bytes: u64,
+    /// Why it ran; none where it did not.
+    pub why: Option<Why>,
+    /// What it measured of itself.
+    pub stats: serde_json::Map<String, serde_json::Value>,
+    /// Where the node stands.
+    #[serde(skip)]
+    pub place: Option<Place>,
+}
+
+/// One file of a run: written, or found as it was written before.
+#[derive(Clone, Debug, Serialize)]
+pub struct OutputReport {
+    /// The sink.
+    pub node: String,
+    /// The frame.
+    pub frame: Option<i64>,
+    /// The file.
+    #[serde(flatten)]
+    pub artifact: Artifact,
+}
+
+/// What a run tells of itself; the form of `--report`.
+#[derive(Debug, Serialize)]
+pub struct Report {
+    /// Version of this form.
+    pub schema: u32,
+    /// The graph file.
+    pub graph: PathBuf,
+    /// Frames asked for.
+    pub frames: Vec<i64>,
+    /// Wall-clock seconds.
+    pub seconds: f64,
+    /// Peak resident memory of the process, bytes; 0 where the system does not tell.
+    pub peak_bytes: u64,
+    /// Every pair in the upstream closure of the targets, as far as the run came.
+    pub nodes: Vec<PairReport>,
+    /// Every file.
+    pub outputs: Vec<OutputReport>,
+    /// Everything that went wrong.
+    pub faults: Vec<Fault>,
+    /// Whether the run was stopped from outside.
+    #[serde(skip)]
+    pub cancelled: bool,
+}
+
+/// Peak resident memory of this process, bytes; 0 where the system does not tell.
+pub fn peak_bytes() -> u64 {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+    line.and_then(|line| line.trim().trim_end_matches("kB").trim().parse::<u64>().ok()).unwrap_or(0) * 1024
+}

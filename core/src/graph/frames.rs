@@ -1,0 +1,115 @@
+//! Frame ranges and frame patterns in paths.
+
+/// Most frames a range may name.
+pub const MAX_FRAMES: usize = 1_000_000;
+
+/// Reads a frame range: `1001-1100`, `1001-1100x2` (each second), lists with commas, negative frames as `-5--1`.
+///
+/// Frames come in the order written; one named twice comes once. The error says what is wrong with which part.
+pub fn parse_frames(text: &str) -> Result<Vec<i64>, String> {
+    let mut frames = Vec::new();
+    let mut seen = std::collections::HashSet::new();
+    for part in text.split(',').map(str::trim) {
+        let (first, last, step) = parse_part(part).ok_or_else(|| {
+            format!("`{part}` is no frame range; write 1001, 1001-1100, 1001-1100x2, or several with commas")
+        })?;
+        if step <= 0 {
+            return Err(format!("the step in `{part}` must be at least 1"));
+        }
+        if last < first {
+            return Err(format!("`{part}` runs backwards; write {last}-{first}"));
+        }
+        if (last - first) / step + 1 > (MAX_FRAMES - frames.len()) as i128 {
+            return Err(format!("`{part}` makes more than {MAX_FRAMES} frames"));
+        }
+        let mut frame = first;
+        while frame <= last {
+            if seen.insert(frame as i64) {
+                frames.push(frame as i64);
+            }
+            frame += step;
+        }
+    }
+    Ok(frames)
+}
+
+fn parse_part(part: &str) -> Option<(i128, i128, i128)> {
+    let number = |text: &str| text.trim().parse::<i64>().ok().map(i128::from);
+    let (range, step) = match part.split_once('x') {
+        Some((range, step)) => (range, number(step)?),
+        None => (part, 1),
+    };
+    // The dash that separates is the first one after a digit; others are signs.
+    let dash =
+        range.char_indices().skip(1).find(|&(at, c)| c == '-' && range[..at].ends_with(|c: char| c.is_ascii_digit()));
+    match dash {
+        Some((at, _)) => Some((number(&range[..at])?, number(&range[at + 1..])?, step)),
+        None if step == 1 => number(range).map(|frame| (frame, frame, 1)),
+        None => None,
+    }
+}
+
+/// Whether a path stands for one file per frame.
+pub fn has_pattern(path: &str) -> bool {
+    path.contains('#')
+}
+
+/// The path at `frame`: each run of `#` becomes the frame number, padded with zeros to the run's length.
+pub fn expand_pattern(path: &str, frame: i64) -> String {
+    let mut expanded = String::with_capacity(path.len() + 8);
+    let mut rest = path;
+    while let Some(start) = rest.find('#') {
+        let run = rest[start..].chars().take_while(|&c| c == '#').count();
+        expanded.push_str(&rest[..start]);
+        let sign = if frame < 0 { "-" } else { "" };
+        expanded.push_str(&format!("{sign}{:0run$}", frame.unsigned_abs()));
+        rest = &rest[start + run..];
+    }
+    expanded.push_str(rest);
+    expanded
+}
+
+/// Replaces `$(env:NAME)` by the variable's value; the error is the name of the first one that is not set.
+pub fn expand_variables(text: &str, variable: &dyn Fn(&str) -> Option<String>) -> Result<String, String> {
+    let mut expanded = String::with_capacity(text.len());
+    let mut rest = text;
+    while let Some(start) = rest.find("$(env:") {
+        let Some(end) = rest[start..].find(')') else { break };
+        let name = &rest[start + "$(env:".len()..start + end];
+        expanded.push_str(&rest[..start]);
+        expanded.push_str(&variable(name).ok_or_else(|| name.to_owned())?);
+        rest = &rest[start + end + 1..];
+    }
+    expanded.push_str(rest);
+    Ok(expanded)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ranges() {
+        assert_eq!(parse_frames("1001-1004"), Ok(vec![1001, 1002, 1003, 1004]));
+        assert_eq!(parse_frames("1-10x4, 7,5"), Ok(vec![1, 5, 9, 7]));
+        assert_eq!(parse_frames("-2--1,-5-0x5"), Ok(vec![-2, -1, -5, 0]));
+        for bad in ["", "a", "5-1", "1-5x0", "1-5x-1", "1:5", "5x2", "1-2-3", "0-9999999999", "1,,2"] {
+            assert!(parse_frames(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn patterns() {
+        assert_eq!(expand_pattern("a.####.exr", 12), "a.0012.exr");
+        assert_eq!(expand_pattern("##/a.#.exr", 1234), "1234/a.1234.exr");
+        assert_eq!(expand_pattern("a.####.exr", -3), "a.-0003.exr");
+    }
+
+    #[test]
+    fn variables() {
+        let shot = |name: &str| (name == "SHOT").then(|| "sh010".to_owned());
+        assert_eq!(expand_variables("a/$(env:SHOT)/b", &shot), Ok("a/sh010/b".into()));
+        assert_eq!(expand_variables("a/$(env:NONE)/b", &shot), Err("NONE".into()));
+        assert_eq!(expand_variables("costs $5 (env:", &shot), Ok("costs $5 (env:".into()));
+    }
+}
