@@ -6,6 +6,7 @@
 
 pub mod lattice;
 pub mod view;
+pub mod warp;
 
 /// A long computation was told to stop; nothing it wrote may be used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
