@@ -4,8 +4,11 @@
 //! logging, no clock and no global state here, and this package does not know the engine. Work runs side by side
 //! on the caller's thread pool; results do not depend on its size.
 
+pub mod composite;
+pub mod draw;
 pub mod lattice;
 pub mod view;
+pub mod warp;
 
 /// A long computation was told to stop; nothing it wrote may be used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
