@@ -4,7 +4,9 @@
 //! logging, no clock and no global state here, and this package does not know the engine. Work runs side by side
 //! on the caller's thread pool; results do not depend on its size.
 
+pub mod feature;
 pub mod lattice;
+pub mod poisson;
 pub mod view;
 
 /// A long computation was told to stop; nothing it wrote may be used.
