@@ -6,7 +6,9 @@
 
 pub mod composite;
 pub mod draw;
+pub mod feature;
 pub mod lattice;
+pub mod poisson;
 pub mod view;
 pub mod warp;
 
