@@ -3,12 +3,12 @@
 //! The journal of last times is advisory. It enters no key; without it the texts alone are poorer.
 
 use std::collections::HashMap;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value as Json;
 
-use super::pairs::Pairs;
+use super::pairs::{Pair, Pairs};
 use super::report::{Reason, Status, Why};
 use super::run::PairState;
 use crate::graph::plan::{Plan, PlanNode};
@@ -76,19 +76,27 @@ impl Journal {
             };
             let before = self.0.insert(name(node, pair.request.frame), now.clone());
             changes[at] = match &before {
-                None => Some(plain(node, Reason::FirstRun, format!("`{}` runs here for the first time", node.id))),
+                None => {
+                    let text = format!("`{}` runs here for the first time", node.id);
+                    Some(plain(plan, pair.node, None, Reason::FirstRun, text))
+                }
                 Some(before) if before.key == key => None,
                 Some(before) => Some(
-                    own_change(node, before, &now)
+                    own_change(plan, pair.node, before, &now)
                         .or_else(|| inherited(pair, before, &now, &changes))
-                        .unwrap_or_else(|| rewired(node, before, &now)),
+                        .unwrap_or_else(|| rewired(plan, pair.node, before, &now)),
                 ),
             };
             reasons[at] = match state.status {
                 Some(Status::Executed | Status::Failed) => {
-                    Some(triggered(node, state).or_else(|| changes[at].clone()).unwrap_or_else(|| evicted(node)))
+                    let text = format!("the record of `{}` is gone from the cache", node.id);
+                    let reason = triggered(plan, pair.node, state).or_else(|| changes[at].clone());
+                    Some(reason.unwrap_or_else(|| plain(plan, pair.node, None, Reason::Evicted, text)))
                 }
-                Some(Status::Recomputed) => Some(not_kept(node)),
+                Some(Status::Recomputed) => {
+                    let text = format!("the result of `{}` is known, but its bytes were not kept", node.id);
+                    Some(plain(plan, pair.node, None, Reason::NotKept, text))
+                }
                 _ => None,
             };
         }
@@ -109,18 +117,22 @@ fn connections(plan: &Plan, node: &PlanNode, evidence: &Evidence) -> Vec<(String
         .collect()
 }
 
-fn plain(node: &PlanNode, code: Reason, text: String) -> Why {
-    let at = node.place.as_ref().map(ToString::to_string);
-    Why { code, node: node.id.to_string(), param: None, old: None, new: None, at, text }
+/// A reason at a node, or at one of its parameters.
+fn plain(plan: &Plan, index: usize, param: Option<&str>, code: Reason, text: String) -> Why {
+    let node = &plan.nodes[index];
+    let at = Some(plan.place(index, param).to_string());
+    Why { param: param.map(str::to_owned), code, node: node.id.to_string(), old: None, new: None, at, text }
 }
 
 /// A change of the node's own: its type, version, parameters or files.
-fn own_change(node: &PlanNode, before: &Entry, now: &Entry) -> Option<Why> {
+fn own_change(plan: &Plan, index: usize, before: &Entry, now: &Entry) -> Option<Why> {
+    let node = &plan.nodes[index];
     if (&before.node_type, before.version) != (&now.node_type, now.version) {
-        let (old, new) =
-            (format!("{} {}", before.node_type, before.version), format!("{} {}", now.node_type, now.version));
+        let describe = |entry: &Entry| format!("{} {}", entry.node_type, entry.version);
+        let (old, new) = (describe(before), describe(now));
         let text = format!("`{}` was of type {old} and is of type {new}", node.id);
-        return Some(Why { old: Some(old.into()), new: Some(new.into()), ..plain(node, Reason::Version, text) });
+        let why = plain(plan, index, None, Reason::Version, text);
+        return Some(Why { old: Some(old.into()), new: Some(new.into()), ..why });
     }
     for param in &node.node_type.params {
         let (old, new) = (before.params.get(&param.name), now.params.get(&param.name));
@@ -128,25 +140,18 @@ fn own_change(node: &PlanNode, before: &Entry, now: &Entry) -> Option<Why> {
         if old != new && !by_content {
             let (old, new) = (old.cloned().unwrap_or_default(), new.cloned().unwrap_or_default());
             let text = format!("`{}` of `{}` was {old} and is {new}", param.name, node.id);
-            let place = node.param_places.iter().find(|(name, _)| *name == param.name).map(|(_, place)| place);
-            return Some(Why {
-                param: Some(param.name.clone()),
-                old: Some(old),
-                new: Some(new),
-                at: place.or(node.place.as_ref()).map(ToString::to_string),
-                ..plain(node, Reason::Param, text)
-            });
+            let why = plain(plan, index, Some(&param.name), Reason::Param, text);
+            return Some(Why { old: Some(old), new: Some(new), ..why });
         }
     }
-    let changed = now.files.iter().zip(&before.files).find(|(new, old)| new.1 != old.1)?;
-    let ((path, new), (_, old)) = changed;
-    let param = node.params.paths.iter().find(|(_, access)| *access == Access::Read).map(|(name, _)| name.clone());
-    let text = format!("{} has other content", path.display());
-    Some(Why { param, old: Some(old.hex().into()), new: Some(new.hex().into()), ..plain(node, Reason::File, text) })
+    let ((path, new), (_, old)) = now.files.iter().zip(&before.files).find(|(new, old)| new.1 != old.1)?;
+    let param = node.params.paths.iter().find(|(_, access)| *access == Access::Read).map(|(name, _)| name.as_str());
+    let why = plain(plan, index, param, Reason::File, format!("{} has other content", path.display()));
+    Some(Why { old: Some(old.hex().into()), new: Some(new.hex().into()), ..why })
 }
 
 /// The change of the first input that changed.
-fn inherited(pair: &super::pairs::Pair, before: &Entry, now: &Entry, changes: &[Option<Why>]) -> Option<Why> {
+fn inherited(pair: &Pair, before: &Entry, now: &Entry, changes: &[Option<Why>]) -> Option<Why> {
     for ((slot, new), old) in pair.slots.iter().zip(&now.inputs).zip(&before.inputs) {
         for (answer, &from) in slot.iter().enumerate() {
             if old.2.get(answer) != new.2.get(answer)
@@ -156,39 +161,26 @@ fn inherited(pair: &super::pairs::Pair, before: &Entry, now: &Entry, changes: &[
             }
         }
     }
-    None
+    pair.links.iter().find_map(|&from| changes[from].clone())
 }
 
 /// Its ports are connected to something else.
-fn rewired(node: &PlanNode, before: &Entry, now: &Entry) -> Why {
+fn rewired(plan: &Plan, index: usize, before: &Entry, now: &Entry) -> Why {
     let differs = |at: usize| before.inputs.get(at) != now.inputs.get(at);
     let at = (0..before.inputs.len().max(now.inputs.len())).find(|&at| differs(at)).unwrap_or_default();
     let source = |entry: &Entry| entry.inputs.get(at).map(|(_, source, _)| source.clone());
-    let port = now.inputs.get(at).or(before.inputs.get(at)).map(|(port, _, _)| port.clone());
-    let text = format!("`{}` of `{}` is fed by something else", port.clone().unwrap_or_default(), node.id);
-    let place = node.param_places.iter().find(|(name, _)| Some(name) == port.as_ref()).map(|(_, place)| place);
-    Why {
-        param: port,
-        old: source(before).map(Json::from),
-        new: source(now).map(Json::from),
-        at: place.or(node.place.as_ref()).map(ToString::to_string),
-        ..plain(node, Reason::Input, text)
-    }
+    let port = now.inputs.get(at).or(before.inputs.get(at)).map(|(port, _, _)| port.as_str());
+    let text = format!("`{}` of `{}` is fed by something else", port.unwrap_or_default(), plan.nodes[index].id);
+    let why = plain(plan, index, port, Reason::Input, text);
+    Why { old: source(before).map(Json::from), new: source(now).map(Json::from), ..why }
 }
 
-fn triggered(node: &PlanNode, state: &PairState) -> Option<Why> {
-    let gone = |path: &Path| format!("{} is not there any more", path.display());
-    let other = |path: &Path| format!("{} is no longer what `{}` wrote", path.display(), node.id);
-    Some(match state.trigger.as_ref()? {
-        Trigger::OutputMissing(path) => plain(node, Reason::OutputMissing, gone(path)),
-        Trigger::OutputChanged(path) => plain(node, Reason::OutputChanged, other(path)),
-    })
-}
-
-fn evicted(node: &PlanNode) -> Why {
-    plain(node, Reason::Evicted, format!("the record of `{}` is gone from the cache", node.id))
-}
-
-fn not_kept(node: &PlanNode) -> Why {
-    plain(node, Reason::NotKept, format!("the result of `{}` is known, but its bytes were not kept", node.id))
+fn triggered(plan: &Plan, index: usize, state: &PairState) -> Option<Why> {
+    let (code, text) = match state.trigger.as_ref()? {
+        Trigger::OutputMissing(path) => (Reason::OutputMissing, format!("{} is not there any more", path.display())),
+        Trigger::OutputChanged(path) => {
+            (Reason::OutputChanged, format!("{} is no longer what `{}` wrote", path.display(), plan.nodes[index].id))
+        }
+    };
+    Some(plain(plan, index, None, code, text))
 }

@@ -242,7 +242,6 @@ impl Engine {
                 bytes: record.map_or(0, |record| record.outputs.iter().map(|outline| outline.bytes).sum()),
                 why,
                 stats: record.map(|record| record.stats.clone()).unwrap_or_default(),
-                place: node.place.clone(),
             });
             outputs.extend(record.iter().flat_map(|record| &record.artifacts).map(|artifact| OutputReport {
                 node: node.id.to_string(),

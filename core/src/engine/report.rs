@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use serde::Serialize;
 
 use super::context::Artifact;
-use crate::diag::{Fault, Place};
+use crate::diag::Fault;
 
 /// What became of a pair.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
@@ -104,9 +104,6 @@ pub struct PairReport {
     pub why: Option<Why>,
     /// What it measured of itself.
     pub stats: serde_json::Map<String, serde_json::Value>,
-    /// Where the node stands.
-    #[serde(skip)]
-    pub place: Option<Place>,
 }
 
 /// One file of a run: written, or found as it was written before.

@@ -259,17 +259,14 @@ impl Worker<'_> {
                 .collect();
             (links, inputs)
         };
-        let params = node.params_at(pair.request.frame, &links)?;
+        let params = self.shared.plan.params_at(pair.node, pair.request.frame, &links)?;
         let mut files = Vec::new();
         for (name, access) in &node.params.paths {
             if *access == Access::Read {
                 let path = PathBuf::from(params[name].as_str().unwrap_or_default());
                 let digest = self.engine.files.digest(&path, &*self.engine.io, self.engine.store.disk.as_ref());
-                let digest = digest.map_err(|error| {
-                    let place =
-                        node.param_places.iter().find(|(param, _)| param == name).map(|(_, place)| place.clone());
-                    Fault::new(Code::InputUnreadable, cannot_read(&path, &error)).parameter(name).place(place)
-                })?;
+                let digest = digest
+                    .map_err(|error| Fault::new(Code::InputUnreadable, cannot_read(&path, &error)).parameter(name))?;
                 files.push((path, digest));
             }
         }
@@ -509,14 +506,14 @@ impl Worker<'_> {
         let artifacts = context.artifacts.into_inner().unwrap_or_else(PoisonError::into_inner);
         match computed {
             Ok(Ok((outputs, outlines))) => self.computed(at, outputs, outlines, artifacts, seconds),
-            Ok(Err(error)) => self.fail(at, node_fault(node, error)),
+            Ok(Err(error)) => self.fail(at, node_fault(error)),
             Err(panic) => {
                 let text = (panic.downcast_ref::<&str>().map(|text| text.to_string()))
                     .or_else(|| panic.downcast_ref::<String>().cloned())
                     .unwrap_or_default();
                 let message = format!("`{}` of type {} panicked: {text}", node.id, node.node_type.name);
                 let hint = "this is a bug of the node; please report it with the graph".to_owned();
-                self.fail(at, Fault::new(Code::Panic, message).place(node.place.clone()).hint(hint));
+                self.fail(at, Fault::new(Code::Panic, message).hint(hint));
             }
         }
     }
@@ -536,7 +533,7 @@ impl Worker<'_> {
             let name = node.node_type.outputs[output].name;
             let message = format!("`{}` gave another `{name}` than before from the same inputs", node.id);
             let hint = format!("{} is not deterministic: its results cannot be trusted to repeat", node.node_type.name);
-            return self.fail(at, Fault::new(Code::Nondeterministic, message).place(node.place.clone()).hint(hint));
+            return self.fail(at, Fault::new(Code::Nondeterministic, message).hint(hint));
         }
         for (outline, value) in outlines.iter().zip(&outputs.values) {
             self.engine.store.insert_value(outline, value, seconds);
@@ -584,7 +581,7 @@ impl Worker<'_> {
         fault.node.get_or_insert_with(|| node.id.to_string());
         fault.frame = fault.frame.or(pair.request.frame);
         if fault.place.is_none() {
-            fault.place = node.place.clone();
+            fault.place = Some(self.shared.plan.place(pair.node, fault.parameter.as_deref()));
         }
         self.job.observer.event(Event::Fault(&fault));
         state.faults.push(fault);
@@ -636,11 +633,10 @@ impl Worker<'_> {
     }
 }
 
-fn node_fault(node: &PlanNode, error: NodeError) -> Fault {
-    let place = error.parameter.and_then(|name| node.param_places.iter().find(|(param, _)| param == name));
+fn node_fault(error: NodeError) -> Fault {
     let mut fault = Fault::new(error.class.into(), error.message).hint(error.hint);
     fault.parameter = error.parameter.map(str::to_owned);
-    fault.place(place.map(|(_, place)| place.clone()))
+    fault
 }
 
 struct PairControl<'a> {

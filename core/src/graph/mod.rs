@@ -1,4 +1,9 @@
 //! From a graph file to a plan: read, check, plan.
 
+pub mod check;
 pub mod frames;
 pub mod plan;
+pub mod read;
+pub mod source;
+
+pub use check::{Checked, Options, check};

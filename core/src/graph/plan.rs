@@ -6,6 +6,7 @@ use std::sync::Arc;
 use serde_json::Value as Json;
 
 use super::frames;
+use super::source::{At, Sources};
 use crate::diag::{Code, Fault, Place};
 use crate::node::Request;
 use crate::registry::{AnyNode, NodeType};
@@ -24,8 +25,8 @@ pub struct Plan {
     pub order: Vec<usize>,
     /// Frames of the run; empty if none were given.
     pub frames: Vec<i64>,
-    /// Worth knowing, not wrong.
-    pub warnings: Vec<Fault>,
+    /// The texts it was made from.
+    pub sources: Sources,
 }
 
 /// A node of a plan.
@@ -44,10 +45,10 @@ pub struct PlanNode {
     pub prototype: Box<dyn AnyNode>,
     /// Whether it is the same for all frames.
     pub is_static: bool,
-    /// Where it stands in the graph file.
-    pub place: Option<Place>,
-    /// Where its parameters stand.
-    pub param_places: Vec<(String, Place)>,
+    /// Where its type's name stands.
+    pub at: At,
+    /// Where the parameters stand that are given.
+    pub param_at: Vec<(String, At)>,
 }
 
 /// One connection.
@@ -83,8 +84,8 @@ pub struct Hole {
     pub source: Source,
     /// What it must be.
     pub shape: Shape,
-    /// Where it stands in the graph file.
-    pub place: Option<Place>,
+    /// Where it stands.
+    pub at: At,
 }
 
 /// A step into JSON.
@@ -111,17 +112,28 @@ impl Plan {
         self.nodes.iter().position(|node| &*node.id == id)
     }
 
+    /// Where a parameter of a node stands, or the node if it is not given.
+    pub fn place(&self, node: usize, param: Option<&str>) -> Place {
+        let node = &self.nodes[node];
+        let given = node.param_at.iter().find(|(name, _)| Some(name.as_str()) == param);
+        self.sources.place(given.map_or(node.at, |(_, at)| *at))
+    }
+
     /// What is really asked when `request` is made of `node`: static nodes have no frame.
     pub fn canonical(&self, node: usize, request: &Request) -> Request {
         if self.nodes[node].is_static { request.at(None) } else { request.clone() }
     }
-}
 
-impl PlanNode {
-    /// Parameters at a frame; `links` are the values of the node's links.
-    pub fn params_at(&self, frame: Option<i64>, links: &[f64]) -> Result<serde_json::Map<String, Json>, Fault> {
-        let mut json = self.params.json.clone();
-        for hole in &self.params.holes {
+    /// Parameters of a node at a frame; `links` are the values of the node's links.
+    pub fn params_at(
+        &self,
+        node: usize,
+        frame: Option<i64>,
+        links: &[f64],
+    ) -> Result<serde_json::Map<String, Json>, Fault> {
+        let params = &self.nodes[node].params;
+        let mut json = params.json.clone();
+        for hole in &params.holes {
             let value = match &hole.source {
                 // A node with Keys is never asked without a frame: the check gave it one.
                 Source::Keys(keys) => interpolate(keys, frame.unwrap_or_default()),
@@ -135,11 +147,11 @@ impl PlanNode {
                 let code = if value.is_finite() { Code::OutOfRange } else { Code::NotFinite };
                 Fault::new(code, format!("`{name}` comes to {value} here; it must be {allowed}"))
                     .parameter(name)
-                    .place(hole.place.clone())
+                    .place(Some(self.sources.place(hole.at)))
             })?;
             *target(&mut json, &hole.path) = filled;
         }
-        for (name, _) in &self.params.paths {
+        for (name, _) in &params.paths {
             if let (Some(frame), Some(Json::String(path))) = (frame, json.get_mut(name)) {
                 *path = frames::expand_pattern(path, frame);
             }

@@ -1,0 +1,207 @@
+//! Names to nodes, kinds along edges, and the order of it all.
+
+use petgraph::graph::{DiGraph, NodeIndex};
+use petgraph::{Direction, algo};
+
+use super::Reporter;
+use super::document::Graph;
+use super::values::{Draft, Reference};
+use crate::diag::{Code, Fault, closest};
+use crate::graph::plan::Slot;
+use crate::node::OutputKind;
+use crate::schema::PortShape;
+use crate::value::{Kind, Reads};
+
+/// Drafts with their connections.
+pub(super) struct Wired {
+    pub drafts: Vec<Option<Draft>>,
+    /// Per node, its slots; the reads are filled in later.
+    pub slots: Vec<Vec<Slot>>,
+    /// Per node, source and output of its links.
+    pub links: Vec<Vec<(usize, usize)>>,
+    /// All nodes, each after its inputs; none if there is a cycle.
+    pub order: Option<Vec<usize>>,
+    /// Per node and output, its kind where that is known.
+    pub kinds: Vec<Vec<Option<Kind>>>,
+}
+
+/// An edge that has both ends.
+struct Edge {
+    from: usize,
+    output: Option<usize>,
+}
+
+pub(super) fn wire(graph: &Graph, drafts: Vec<Option<Draft>>, report: &mut Reporter) -> Wired {
+    let mut edges: Vec<(Vec<Option<Edge>>, Vec<Option<Edge>>)> = Vec::with_capacity(drafts.len());
+    for (index, draft) in drafts.iter().enumerate() {
+        let mut resolve = |reference: &Reference| resolve(graph, index, reference, report);
+        edges.push(match draft {
+            Some(draft) => {
+                (draft.ports.iter().map(&mut resolve).collect(), draft.links.iter().map(&mut resolve).collect())
+            }
+            None => (Vec::new(), Vec::new()),
+        });
+    }
+    let order = order(graph, &drafts, &edges, report);
+    let kinds = kinds(graph, &drafts, &edges, order.as_deref(), report);
+    let slots = drafts.iter().zip(&edges).map(|(draft, (ports, _))| {
+        let references = draft.iter().flat_map(|draft| &draft.ports);
+        (references.zip(ports))
+            .filter_map(|(reference, edge)| {
+                let edge = edge.as_ref()?;
+                let (port, output) = (reference.param.clone(), edge.output?);
+                Some(Slot { port, source: edge.from, output, reads: Reads::All })
+            })
+            .collect()
+    });
+    let links = edges.iter().map(|(_, links)| {
+        links.iter().filter_map(|edge| edge.as_ref().and_then(|edge| Some((edge.from, edge.output?)))).collect()
+    });
+    Wired { slots: slots.collect(), links: links.collect(), order, kinds, drafts }
+}
+
+fn resolve(graph: &Graph, index: usize, reference: &Reference, report: &mut Reporter) -> Option<Edge> {
+    let (id, output) = match reference.text.split_once('.') {
+        Some((id, output)) => (id, Some(output)),
+        None => (reference.text.as_str(), None),
+    };
+    let fault = |code, message| Fault::new(code, message).node(graph.nodes[index].id).parameter(&reference.param);
+    let Some(&from) = graph.index.get(id) else {
+        let close = closest(id, graph.index.keys().copied().filter(|name| *name != graph.nodes[index].id));
+        let hint = match (close, reference.port.is_none() && id.parse::<f64>().is_ok()) {
+            (_, true) => Some("a number stands without quotes".to_owned()),
+            (Some(name), _) => Some(format!("did you mean `{name}`?")),
+            _ => None,
+        };
+        report.add(reference.at, fault(Code::UnknownNode, format!("there is no node `{id}`")).hint(hint));
+        return None;
+    };
+    let Some(node_type) = &graph.nodes[from].node_type else { return Some(Edge { from, output: None }) };
+    let found = match output {
+        Some(name) => node_type.output(name),
+        None => (!node_type.outputs.is_empty()).then_some(0),
+    };
+    if found.is_none() {
+        let names = node_type.outputs.iter().map(|output| output.name);
+        let (message, hint) = match output {
+            Some(name) if !node_type.outputs.is_empty() => (
+                format!("`{id}` of type {} has no output `{name}`", node_type.name),
+                crate::diag::suggestion(name, names),
+            ),
+            _ => (format!("`{id}` of type {} has no outputs: it only writes", node_type.name), None),
+        };
+        report.add(reference.at, fault(Code::UnknownOutput, message).hint(hint));
+    }
+    Some(Edge { from, output: found })
+}
+
+type Edges = [(Vec<Option<Edge>>, Vec<Option<Edge>>)];
+
+/// A topological order, or one fault per knot of cycles.
+fn order(graph: &Graph, drafts: &[Option<Draft>], edges: &Edges, report: &mut Reporter) -> Option<Vec<usize>> {
+    let mut net = DiGraph::<(), ()>::with_capacity(edges.len(), edges.len());
+    (0..edges.len()).for_each(|_| {
+        net.add_node(());
+    });
+    for (index, (ports, links)) in edges.iter().enumerate() {
+        for edge in ports.iter().chain(links).flatten() {
+            net.add_edge(NodeIndex::new(edge.from), NodeIndex::new(index), ());
+        }
+    }
+    if let Ok(order) = algo::toposort(&net, None) {
+        return Some(order.into_iter().map(NodeIndex::index).collect());
+    }
+    for knot in algo::kosaraju_scc(&net) {
+        let first = knot.iter().map(|node| node.index()).min().unwrap_or_default();
+        let is_loop = knot.len() > 1 || net.contains_edge(knot[0], knot[0]);
+        if let Some(draft) = drafts[first].as_ref().filter(|_| is_loop) {
+            let cycle = cycle_through(&net, first);
+            let names: Vec<String> = cycle.iter().map(|&node| format!("`{}`", graph.nodes[node].id)).collect();
+            let message = format!("the nodes form a cycle: {} -> {}", names.join(" -> "), names[0]);
+            let hint = "every node must be fed by nodes that do not wait for it".to_owned();
+            report.add(draft.at, Fault::new(Code::Cycle, message).node(graph.nodes[first].id).hint(hint));
+        }
+    }
+    None
+}
+
+/// The shortest cycle through a node, along edges from it, by breadth-first search.
+fn cycle_through(net: &DiGraph<(), ()>, start: usize) -> Vec<usize> {
+    let mut from: Vec<Option<usize>> = vec![None; net.node_count()];
+    let mut queue = std::collections::VecDeque::from([start]);
+    while let Some(at) = queue.pop_front() {
+        for next in net.neighbors_directed(NodeIndex::new(at), Direction::Outgoing) {
+            if next.index() == start {
+                let mut path = vec![at];
+                while let Some(before) = from[*path.last().unwrap_or(&start)].filter(|_| path.last() != Some(&start)) {
+                    path.push(before);
+                }
+                path.reverse();
+                return path;
+            }
+            if from[next.index()].is_none() {
+                from[next.index()] = Some(at);
+                queue.push_back(next.index());
+            }
+        }
+    }
+    vec![start]
+}
+
+/// Kinds of all outputs, and a fault per edge whose kinds do not fit.
+fn kinds(
+    graph: &Graph,
+    drafts: &[Option<Draft>],
+    edges: &Edges,
+    order: Option<&[usize]>,
+    report: &mut Reporter,
+) -> Vec<Vec<Option<Kind>>> {
+    let all: Vec<usize> = (0..drafts.len()).collect();
+    let mut kinds: Vec<Vec<Option<Kind>>> = (graph.nodes.iter())
+        .map(|node| {
+            let outputs = node.node_type.iter().flat_map(|node_type| node_type.outputs);
+            let fixed = |output: &crate::node::Output| match output.kind {
+                OutputKind::Is(kind) => Some(kind),
+                OutputKind::SameAs(_) => None,
+            };
+            outputs.map(fixed).collect()
+        })
+        .collect();
+    // In a cycle the kinds that are not fixed stay unknown.
+    for &index in order.unwrap_or(&all) {
+        let Some(draft) = &drafts[index] else { continue };
+        let (ports, links) = &edges[index];
+        for (number, output) in draft.node_type.outputs.iter().enumerate() {
+            if let OutputKind::SameAs(port) = output.kind {
+                let fed = draft.ports.iter().zip(ports).find(|(reference, _)| reference.param == port);
+                let edge = fed.and_then(|(_, edge)| edge.as_ref());
+                kinds[index][number] = edge.and_then(|edge| kinds[edge.from][edge.output?]);
+            }
+        }
+        let references = draft.ports.iter().zip(ports).chain(draft.links.iter().zip(links));
+        for (reference, edge) in references {
+            let kind = edge.as_ref().and_then(|edge| kinds[edge.from][edge.output?]);
+            if let Some(kind) = kind {
+                check_kind(graph, index, reference, kind, edge.as_ref().map_or(index, |edge| edge.from), report);
+            }
+        }
+    }
+    kinds
+}
+
+fn check_kind(graph: &Graph, index: usize, reference: &Reference, kind: Kind, from: usize, report: &mut Reporter) {
+    let (fits, takes) = match &reference.port {
+        Some(port) => (port.kinds.contains(&kind), PortShape::describe(port)),
+        None => (kind == Kind::Number, "a number, or a node that gives Number".to_owned()),
+    };
+    if fits {
+        return;
+    }
+    let message = format!("`{}` takes {takes}; `{}` gives {kind}", reference.param, reference.text);
+    let wanted = reference.port.as_ref().map_or(&[Kind::Number][..], |port| &port.kinds);
+    let outputs = graph.nodes[from].node_type.iter().flat_map(|node_type| node_type.outputs);
+    let better = outputs.filter(|output| matches!(output.kind, OutputKind::Is(kind) if wanted.contains(&kind)));
+    let hint = better.map(|output| format!("did you mean \"{}.{}\"?", graph.nodes[from].id, output.name)).next();
+    let fault = Fault::new(Code::WrongKind, message).node(graph.nodes[index].id).parameter(&reference.param);
+    report.add(reference.at, fault.hint(hint));
+}

@@ -1,0 +1,15 @@
+//! The engine's promises.
+
+#![allow(missing_docs)]
+
+mod model;
+mod nodes;
+mod random;
+
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+/// Tests that count how often nodes compute run one after another.
+fn serial() -> MutexGuard<'static, ()> {
+    static SERIAL: Mutex<()> = Mutex::new(());
+    SERIAL.lock().unwrap_or_else(PoisonError::into_inner)
+}

@@ -1,0 +1,307 @@
+//! The engine against the oracle, over random graphs and random edits.
+
+use std::collections::{BTreeMap, HashMap, HashSet};
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+
+use warploom_core::engine::{Engine, Job, Report, Settings, Status};
+use warploom_core::graph::plan::Plan;
+use warploom_core::graph::{Options, check};
+use warploom_core::registry::Registry;
+
+use crate::model::{By, Edge, Model, Op, Random, Seen, read_name, write_name};
+use crate::nodes::{COMPUTED, NODES};
+
+const FILES: usize = 2;
+
+/// Frames that a window around any frame of a run may ask for.
+const READABLE: std::ops::RangeInclusive<i64> = -2..=12;
+
+fn number_edge(model: &[Op], random: &mut Random) -> Edge {
+    loop {
+        let node = random.below(model.len());
+        match model[node] {
+            Op::Picture { .. } | Op::Write { .. } => continue,
+            Op::Split(_) => return Edge { node, output: random.below(2) },
+            _ => return Edge { node, output: 0 },
+        }
+    }
+}
+
+fn picture_edge(model: &[Op], random: &mut Random) -> Option<Edge> {
+    let pictures: Vec<usize> = (0..model.len()).filter(|&node| matches!(model[node], Op::Picture { .. })).collect();
+    (!pictures.is_empty()).then(|| Edge { node: pictures[random.below(pictures.len())], output: 0 })
+}
+
+fn by(before: &[Op], random: &mut Random) -> By {
+    match random.below(4) {
+        0 => By::Keys(vec![(1, random.value()), (2 + random.below(3) as i64, random.value())]),
+        1 => By::Link(number_edge(before, random)),
+        _ => By::Constant(random.value()),
+    }
+}
+
+/// A random operation that names only nodes in `before`.
+fn operation(before: &[Op], random: &mut Random) -> Op {
+    if before.is_empty() {
+        return Op::Const(random.value());
+    }
+    let of = number_edge(before, random);
+    match random.below(16) {
+        0 => Op::Const(random.value()),
+        1 | 2 => {
+            let terms = (0..1 + random.below(3)).map(|_| number_edge(before, random)).collect();
+            Op::Sum { terms, bias: random.value() }
+        }
+        3 => Op::Split(of),
+        4 => Op::Frame,
+        5 | 6 => Op::Step { of, at: random.value() },
+        7 => Op::Window { of, radius: 1 + random.below(2) as u32 },
+        8 => Op::Hold { of, frame: 1 + random.below(5) as i64 },
+        9 => Op::Shot(of),
+        10 | 11 => Op::Scale { of, by: by(before, random) },
+        12 => Op::OrElse { of: (random.below(2) == 0).then_some(of), otherwise: random.value() },
+        13 => Op::Read { file: random.below(FILES), per_frame: random.below(2) == 0 },
+        14 => Op::Picture { a: by(before, random), b: random.value(), width: 1 + random.below(2) as u32 },
+        _ => match (picture_edge(before, random), random.below(2)) {
+            (Some(edge), 0) => Op::PickA(edge),
+            (Some(edge), _) => Op::Size(edge),
+            (None, _) => Op::Split(of),
+        },
+    }
+}
+
+fn model(random: &mut Random) -> Model {
+    let count = 3 + random.below(9);
+    let mut ops: Vec<Op> = Vec::new();
+    for _ in 0..count {
+        let op = operation(&ops, random);
+        ops.push(op);
+    }
+    for file in 0..1 + random.below(2) {
+        let of = number_edge(&ops, random);
+        ops.push(Op::Write { of, file });
+    }
+    let names = (0..ops.len()).map(|node| format!("n{node}")).collect();
+    let frames = (1..=1 + random.below(3) as i64).collect();
+    Model { order: (0..ops.len()).collect(), ops, names, frames, layout: 1 }
+}
+
+/// One edit of the graph: a parameter, a wire, a name, an order, a layout, the frames.
+fn edit(model: &mut Model, random: &mut Random) {
+    match random.below(10) {
+        0 => model.layout = random.next(),
+        1 => {
+            let node = random.below(model.names.len());
+            model.names[node] = format!("m{}", random.next() % 1_000_000_007);
+        }
+        2 => {
+            let (a, b) = (random.below(model.order.len()), random.below(model.order.len()));
+            model.order.swap(a, b);
+        }
+        3 => model.frames = (1..=1 + random.below(4) as i64).collect(),
+        4 => {
+            // Another operation of the same kind of output.
+            let node = random.below(model.ops.len());
+            let (before, _) = model.ops.split_at(node);
+            let new = operation(before, random);
+            let is_picture = |op: &Op| matches!(op, Op::Picture { .. });
+            let narrow = |op: &Op| matches!(op, Op::Split(_));
+            let old = &model.ops[node];
+            if !matches!(old, Op::Write { .. }) && is_picture(old) == is_picture(&new) && (narrow(&new) || !narrow(old))
+            {
+                model.ops[node] = new;
+            }
+        }
+        _ => {
+            let node = random.below(model.ops.len());
+            let value = random.value();
+            let (before, rest) = model.ops.split_at_mut(node);
+            let other = if before.is_empty() { None } else { Some(number_edge(before, random)) };
+            match (&mut rest[0], other) {
+                (Op::Const(v) | Op::Step { at: v, .. } | Op::Sum { bias: v, .. }, _) => *v = value,
+                (Op::OrElse { otherwise, .. }, _) => *otherwise = value,
+                (Op::Scale { by: factor, .. } | Op::Picture { a: factor, .. }, Some(_)) => *factor = by(before, random),
+                (Op::Picture { b, .. }, None) => *b = value,
+                (Op::Window { radius, .. }, _) => *radius = 1 + random.below(2) as u32,
+                (Op::Hold { frame, .. }, _) => *frame = 1 + random.below(5) as i64,
+                (Op::Split(of) | Op::Shot(of) | Op::Write { of, .. }, Some(other)) => *of = other,
+                (Op::Read { file, .. }, _) => *file = random.below(FILES),
+                _ => {}
+            }
+        }
+    }
+}
+
+pub fn plan(text: &str, folder: &Path, registry: &Registry) -> Arc<Plan> {
+    let file = folder.join("graph.ron");
+    let checked = check(text, registry, &Options::new(&file));
+    assert!(checked.faults.is_empty(), "{text}\n{:#?}", checked.faults);
+    Arc::new(checked.plan.expect("a graph without faults has a plan"))
+}
+
+/// What the test knows beside the engine: every identity ever executed, and what each sink's file should hold.
+struct Known {
+    identities: HashSet<String>,
+    /// Content on disk per written path, as far as anybody changed it.
+    files: BTreeMap<String, String>,
+}
+
+/// Runs and compares every promise with the oracle.
+fn run_and_compare(
+    engine: &Engine,
+    model: &Model,
+    inputs: &BTreeMap<String, String>,
+    known: &mut Known,
+    folder: &Path,
+    registry: &Registry,
+) {
+    let text = model.text();
+    let plan = plan(&text, folder, registry);
+    let before = COMPUTED.load(Ordering::Relaxed);
+    let report = engine.run(&plan, &Job::default());
+    let computed = COMPUTED.load(Ordering::Relaxed) - before;
+    assert!(report.faults.is_empty(), "{text}\n{:#?}", report.faults);
+
+    let mut memo = HashMap::new();
+    let mut expected: HashSet<String> = HashSet::new();
+    let closure = model.closure();
+    let mut identity_of: HashMap<(String, Option<i64>), String> = HashMap::new();
+    for &(node, frame) in &closure {
+        let answer = model.answer(node, frame.unwrap_or(model.frames[0]), inputs, &mut memo);
+        let is_needed = match (&model.ops[node], frame) {
+            (Op::Write { file, .. }, Some(frame)) => {
+                let wanted = format!("{:?}", number(&answer.values[0]));
+                let path = write_name(*file, frame);
+                let stands = known.files.insert(path, wanted.clone());
+                !known.identities.contains(&answer.identity) || stands != Some(wanted)
+            }
+            _ => !known.identities.contains(&answer.identity),
+        };
+        if is_needed {
+            expected.insert(answer.identity.clone());
+        }
+        identity_of.insert((model.names[node].clone(), frame), answer.identity);
+    }
+    compare(&report, &expected, &identity_of, &text);
+    assert_eq!(computed, expected.len() as u64, "nothing computes but what is reported\n{text}");
+    known.identities.extend(expected);
+    for (path, content) in &known.files {
+        assert_eq!(&std::fs::read_to_string(folder.join(path)).expect("written"), content, "{path}\n{text}");
+    }
+}
+
+fn number(seen: &Seen) -> f64 {
+    match seen {
+        Seen::Number(number) => *number,
+        Seen::Picture { .. } => unreachable!("sinks write numbers"),
+    }
+}
+
+fn compare(
+    report: &Report,
+    expected: &HashSet<String>,
+    identity_of: &HashMap<(String, Option<i64>), String>,
+    text: &str,
+) {
+    assert_eq!(report.nodes.len(), identity_of.len(), "one entry for every pair\n{text}");
+    let mut executed = HashSet::new();
+    for pair in &report.nodes {
+        let identity = &identity_of[&(pair.node.clone(), pair.frame)];
+        match pair.status {
+            Status::Executed => {
+                assert!(executed.insert(identity.clone()), "{identity} executed twice\n{text}");
+                let why = pair.why.as_ref().expect("every executed pair has a reason");
+                assert!(!why.text.is_empty() && why.at.is_some());
+            }
+            Status::Reused => {}
+            status => panic!("{} is {status:?} with all of memory at hand\n{text}", pair.node),
+        }
+    }
+    assert_eq!(&executed, expected, "the executed set\n{text}");
+}
+
+#[test]
+fn a_thousand_edit_sequences_execute_just_what_is_needed() {
+    let _serial = crate::serial();
+    let registry = Registry::new(NODES);
+    let sequences = if cfg!(debug_assertions) { 1000 } else { 5000 };
+    for seed in 0..sequences {
+        let folder = tempfile::tempdir().expect("a folder");
+        let mut random = Random(seed);
+        let mut inputs = BTreeMap::new();
+        for file in 0..FILES {
+            let names =
+                std::iter::once(read_name(file, None)).chain(READABLE.map(|frame| read_name(file, Some(frame))));
+            names.for_each(|name| {
+                inputs.insert(name, format!("{:?}", random.value()));
+            });
+        }
+        std::fs::create_dir_all(folder.path().join("in")).expect("a folder");
+        let write = |name: &str, content: &str| std::fs::write(folder.path().join(name), content).expect("written");
+        inputs.iter().for_each(|(name, content)| write(name, content));
+
+        let threads = [1, 2, 3, 8][seed as usize % 4];
+        let new_engine = || Engine::new(Settings { threads, memory: 1 << 30, ..Settings::default() });
+        let engine = new_engine();
+        let mut known = Known { identities: HashSet::new(), files: BTreeMap::new() };
+        let mut history = vec![model(&mut random)];
+        for _ in 0..6 {
+            let current = history.last().expect("never empty").clone();
+            run_and_compare(&engine, &current, &inputs, &mut known, folder.path(), &registry);
+            let mut next = current;
+            match random.below(8) {
+                // Undo.
+                0 => next = history[random.below(history.len())].clone(),
+                // A plate overwritten in place, at once and with as many bytes.
+                1 => {
+                    let name = inputs.keys().nth(random.below(inputs.len())).expect("files").clone();
+                    let content = format!("{:?}", random.value());
+                    write(&name, &content);
+                    inputs.insert(name, content);
+                }
+                // An output removed, or overwritten by somebody.
+                2 if !known.files.is_empty() => {
+                    let name = known.files.keys().nth(random.below(known.files.len())).expect("files").clone();
+                    if random.below(2) == 0 {
+                        std::fs::remove_file(folder.path().join(&name)).expect("removed");
+                        known.files.remove(&name);
+                    } else {
+                        write(&name, "9.75");
+                        known.files.insert(name, "9.75".into());
+                    }
+                }
+                _ => edit(&mut next, &mut random),
+            }
+            // Files that the next graph does not write keep what they hold.
+            history.push(next);
+        }
+        // Every output is what a cold engine writes.
+        let last = history[history.len() - 2].clone();
+        let warm: BTreeMap<String, Vec<u8>> = outputs(&engine, &last, folder.path(), &registry);
+        let cold: BTreeMap<String, Vec<u8>> = outputs(&new_engine(), &last, folder.path(), &registry);
+        assert_eq!(warm, cold, "seed {seed}\n{}", last.text());
+    }
+}
+
+/// All values of the run, as bytes of their digests, by node, output and frame.
+fn outputs(engine: &Engine, model: &Model, folder: &Path, registry: &Registry) -> BTreeMap<String, Vec<u8>> {
+    let file = folder.join("graph.ron");
+    let targets: Vec<String> = model.names.clone();
+    let checked = check(&model.text(), registry, &Options { targets: &targets, ..Options::new(&file) });
+    let plan = Arc::new(checked.plan.expect("a plan"));
+    let found = std::sync::Mutex::new(BTreeMap::new());
+    let deliver = (0..plan.nodes.len()).collect();
+    let collect = |node: usize, frame: Option<i64>, values: &[warploom_core::value::Value]| {
+        for (output, value) in values.iter().enumerate() {
+            let name = format!("{}.{output}@{frame:?}", plan.nodes[node].id);
+            found.lock().expect("no panic").insert(name, value.digest().0.to_vec());
+        }
+        Ok(())
+    };
+    let job = Job { deliver, on_values: &collect, ..Job::default() };
+    let report = engine.run(&plan, &job);
+    assert!(report.faults.is_empty(), "{:#?}", report.faults);
+    found.into_inner().expect("no panic")
+}
