@@ -249,6 +249,17 @@ impl Port for Raster {
     }
 }
 
+/// A port that takes a value of any kind.
+pub struct Any;
+
+impl Port for Any {
+    type Seen = Value;
+    const KINDS: &'static [Kind] = &Kind::OWN;
+    fn see(value: &Value) -> Option<Value> {
+        Some(value.clone())
+    }
+}
+
 /// An input port. `Option<In<K>>` may stay unconnected, `Vec<In<K>>` takes a list.
 pub struct In<K> {
     /// Which connection of the node feeds it; filled in when a graph is checked.

@@ -1,0 +1,5 @@
+//! Lattices.
+
+mod lattice;
+
+pub use lattice::Lattice;

@@ -1,0 +1,28 @@
+//! Predefined warps: where each lattice node goes.
+
+mod affine;
+mod arc;
+mod stretch;
+mod swirl;
+mod wave;
+
+pub use affine::Affine;
+pub use arc::Arc;
+pub use stretch::Stretch;
+pub use swirl::Swirl;
+pub use wave::Wave;
+
+use warploom_algo::lattice::Positions;
+use warploom_algo::warp::certify;
+use warploom_core::node::{Output, Outputs};
+use warploom_core::value::{Direction, Grid, Kind, Warp};
+
+const WARP: &[Output] = &[Output::new("warp", Kind::Warp)];
+
+/// A forward warp with its certificate in the stats.
+pub(crate) fn certified(grid: &Grid, positions: Positions) -> Outputs {
+    let certificate = certify(&crate::adapt::lattice(grid), &positions);
+    let warp =
+        Warp { grid: *grid, direction: Direction::DstFromSrc, x: positions.x.into(), y: positions.y.into() };
+    Outputs::from(warp).stat("min_jacobian", certificate.min_jacobian).stat("folds", certificate.folds)
+}
