@@ -4,7 +4,11 @@
 //! logging, no clock and no global state here, and this package does not know the engine. Work runs side by side
 //! on the caller's thread pool; results do not depend on its size.
 
+pub mod card;
+pub mod components;
 pub mod lattice;
+pub mod mask;
+mod steps;
 pub mod view;
 
 /// A long computation was told to stop; nothing it wrote may be used.
