@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::Component;
-use super::runs::{Run, append_runs, for_touching};
+use super::runs::{Run, append_runs, touching};
 use super::unions::Unions;
 use crate::view::{View, ViewMut};
 
@@ -24,15 +24,15 @@ impl Band {
     pub(super) fn scan(mask: View<f32>, rows: Range<usize>, reach: u32) -> Self {
         let mut band = Self { ends: Vec::new(), row_starts: vec![0], parts: Vec::new(), extents: Vec::new() };
         let mut unions = Unions::default();
-        let mut above = 0..0;
+        let (mut above, mut pairs) = (0..0, Vec::new());
         for y in rows.clone() {
             append_runs(mask.row(y), &mut band.ends);
             let row = above.end..band.ends.len() / 2;
             band.row_starts.push(row.end);
             unions.extend(row.end as u32);
-            for_touching(band.runs(above.clone()), band.runs(row.clone()), reach, |a, b| {
-                unions.join((above.start + a) as u32, (row.start + b) as u32);
-            });
+            for &[a, b] in touching(band.runs(above.clone()), band.runs(row.clone()), reach, &mut pairs) {
+                unions.join(above.start as u32 + a, row.start as u32 + b);
+            }
             above = row;
         }
         band.parts = unions.into_sets();
@@ -80,12 +80,22 @@ impl Band {
             let (row, range) = (out.row_mut(y), self.row(y));
             let mut painted = 0;
             for (&[start, end], &part) in self.runs(range.clone()).iter().zip(&self.parts[range]) {
-                row[painted..start as usize].fill(0);
-                row[start as usize..end as usize].fill(labels[part as usize]);
+                paint_span(row, painted..start as usize, 0);
+                paint_span(row, start as usize..end as usize, labels[part as usize]);
                 painted = end as usize;
             }
             row[painted..].fill(0);
         }
+    }
+}
+
+/// Paints a span, and perhaps up to 8 samples from its start: those right of it are painted anew by the spans that
+/// follow. The known length is quicker for short spans.
+fn paint_span(row: &mut [u32], span: Range<usize>, label: u32) {
+    let Some(start) = row[span.start..].first_chunk_mut::<8>() else { return row[span].fill(label) };
+    *start = [label; 8];
+    if span.len() > 8 {
+        row[span.start + 8..span.end].fill(label);
     }
 }
 

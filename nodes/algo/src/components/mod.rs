@@ -9,8 +9,8 @@ use rayon::prelude::*;
 use crate::steps::Steps;
 use crate::view::{View, ViewMut};
 use crate::{Interrupted, Watch};
-use band::{Band, Extent};
-use runs::for_touching;
+use band::Band;
+use runs::touching;
 use unions::Unions;
 
 /// Rows that one task labels.
@@ -74,52 +74,71 @@ pub fn label(
         let band = Band::scan(mask, top..height.min(top + BAND_ROWS), reach);
         steps.step().map(|()| band)
     };
-    let bands = (0..count).into_par_iter().map(scan).collect::<Result<Vec<_>, _>>()?;
+    let mut bands = (0..count).into_par_iter().map(scan).collect::<Result<Vec<_>, _>>()?;
 
-    let (part_labels, extents) = join(&bands, reach, min_area);
-    let painted = out.bands(BAND_ROWS).into_par_iter().zip(&bands).zip(&part_labels);
-    painted.try_for_each(|(((_, view), band), labels)| {
-        band.paint(labels, view);
+    let wholes = join(&bands, reach);
+    let mut homes = gather(&mut bands, &wholes);
+    let labels = number(&bands, &mut homes, min_area);
+    out.bands(BAND_ROWS).into_par_iter().zip(&bands).zip(&wholes).try_for_each(|(((_, view), band), wholes)| {
+        let labels: Vec<u32> = wholes.iter().map(|&whole| labels[whole as usize]).collect();
+        band.paint(&labels, view);
         steps.step()
     })?;
-    Ok(extents.iter().map(|extent| extent.component(x0, y0)).collect())
+    Ok(homes.par_iter().map(|home| bands[home.band].extents[home.part].component(x0, y0)).collect())
 }
 
-/// Joins the parts of components that the bands found: the label of each band's parts, and the extents of the labelled
-/// components.
-fn join(bands: &[Band], reach: u32, min_area: u64) -> (Vec<Vec<u32>>, Vec<Extent>) {
-    let mut offsets = vec![0];
-    for band in bands {
-        offsets.push(offsets[offsets.len() - 1] + band.extents.len() as u32);
-    }
-    let mut unions = Unions::default();
-    unions.extend(offsets[bands.len()]);
-    for (pair, offset) in bands.windows(2).zip(offsets.windows(2)) {
+/// Where the extent of a component is gathered: at the first of its parts.
+struct Home {
+    band: usize,
+    part: usize,
+}
+
+/// Joins the parts of components across the borders of bands: for each part of each band the number of its component,
+/// counted from 0 in raster order.
+fn join(bands: &[Band], reach: u32) -> Vec<Vec<u32>> {
+    let (mut unions, mut pairs, mut offset) = (Unions::default(), Vec::new(), 0);
+    unions.extend(bands.iter().map(|band| band.extents.len() as u32).sum());
+    for pair in bands.windows(2) {
         let (above, below) = (pair[0].last_row(), pair[1].first_row());
-        for_touching(pair[0].runs(above.clone()), pair[1].runs(below.clone()), reach, |a, b| {
-            unions.join(offset[0] + pair[0].parts[above.start + a], offset[1] + pair[1].parts[below.start + b]);
-        });
+        let next = offset + pair[0].extents.len() as u32;
+        for &[a, b] in touching(pair[0].runs(above.clone()), pair[1].runs(below.clone()), reach, &mut pairs) {
+            unions
+                .join(offset + pair[0].parts[above.start + a as usize], next + pair[1].parts[below.start + b as usize]);
+        }
+        offset = next;
     }
-    let mut extents: Vec<Extent> = Vec::new();
-    let wholes = unions.into_sets();
-    for (&whole, part) in wholes.iter().zip(bands.iter().flat_map(|band| &band.extents)) {
-        match extents.get_mut(whole as usize) {
-            Some(extent) => extent.merge(part),
-            None => extents.push(*part),
+    let mut wholes = unions.into_sets().into_iter();
+    bands.iter().map(|band| wholes.by_ref().take(band.extents.len()).collect()).collect()
+}
+
+/// Gathers the extents of all parts of each component; the home of each component.
+fn gather(bands: &mut [Band], wholes: &[Vec<u32>]) -> Vec<Home> {
+    let mut homes: Vec<Home> = Vec::new();
+    for band in 0..bands.len() {
+        for (part, &whole) in wholes[band].iter().enumerate() {
+            match homes.get(whole as usize) {
+                Some(home) => {
+                    let extent = bands[band].extents[part];
+                    bands[home.band].extents[home.part].merge(&extent);
+                }
+                None => homes.push(Home { band, part }),
+            }
         }
     }
-    let mut kept = 0;
-    let labels: Vec<u32> = extents
-        .iter()
-        .map(|extent| {
-            let keep = extent.area >= min_area;
-            kept += u32::from(keep);
-            if keep { kept } else { 0 }
-        })
-        .collect();
-    extents.retain(|extent| extent.area >= min_area);
-    let parts = offsets.windows(2).map(|part| &wholes[part[0] as usize..part[1] as usize]);
-    (parts.map(|part| part.iter().map(|&whole| labels[whole as usize]).collect()).collect(), extents)
+    homes
+}
+
+/// Drops the components smaller than `min_area`; the label of each component, 0 if dropped.
+fn number(bands: &[Band], homes: &mut Vec<Home>, min_area: u64) -> Vec<u32> {
+    let mut labels = Vec::with_capacity(homes.len());
+    let mut last = 0;
+    homes.retain(|home| {
+        let keep = bands[home.band].extents[home.part].area >= min_area;
+        last += u32::from(keep);
+        labels.push(if keep { last } else { 0 });
+        keep
+    });
+    labels
 }
 
 #[cfg(test)]

@@ -37,22 +37,23 @@ fn gather(flags: [u8; 8]) -> u64 {
     u64::from_le_bytes(flags).wrapping_mul(0x0102_0408_1020_4080) >> 56
 }
 
-/// Calls `touch(a, b)` for each run `above[a]` that touches run `below[b]` of the next row, in raster order of `below`;
-/// `reach` is 1 where corners touch, else 0.
-pub(super) fn for_touching(above: &[Run], below: &[Run], reach: u32, mut touch: impl FnMut(usize, usize)) {
-    let mut first = 0;
-    for (b, &[start, end]) in below.iter().enumerate() {
-        while first < above.len() && above[first][1] + reach <= start {
-            first += 1;
-        }
-        let mut a = first;
-        while a < above.len() && above[a][0] < end + reach {
-            touch(a, b);
-            a += 1;
-        }
-        // The last that touches may touch the next run too.
-        first = first.max(a.saturating_sub(1));
+/// Finds the pairs of runs `above[a]` and `below[b]`, of a row and the next one, that touch; `reach` is 1 where corners
+/// touch, else 0. `pairs` is scratch space, at its front lie the pairs (a, b) given back.
+pub(super) fn touching<'a>(above: &[Run], below: &[Run], reach: u32, pairs: &'a mut Vec<[u32; 2]>) -> &'a [[u32; 2]] {
+    if pairs.len() < above.len() + below.len() {
+        pairs.resize(above.len() + below.len(), [0; 2]);
     }
+    let (mut a, mut b, mut count) = (0, 0, 0);
+    // No branch depends on the runs here: on noise it would be mispredicted all the time.
+    while let (Some(upper), Some(lower)) = (above.get(a), below.get(b)) {
+        pairs[count] = [a as u32, b as u32];
+        count += usize::from((upper[0] < lower[1] + reach) & (lower[0] < upper[1] + reach));
+        // The run that ends first cannot touch the next one on the other row.
+        let upper_ends_first = upper[1] < lower[1];
+        a += usize::from(upper_ends_first);
+        b += usize::from(!upper_ends_first);
+    }
+    &pairs[..count]
 }
 
 #[cfg(test)]
@@ -90,12 +91,8 @@ mod tests {
     #[test]
     fn corners_touch_only_within_reach() {
         let (above, below) = ([[0, 2], [4, 5], [7, 9]], [[2, 4], [5, 6], [8, 9]]);
-        let touching = |reach| {
-            let mut pairs = Vec::new();
-            for_touching(&above, &below, reach, |a, b| pairs.push((a, b)));
-            pairs
-        };
-        assert_eq!(touching(0), [(2, 2)]);
-        assert_eq!(touching(1), [(0, 0), (1, 0), (1, 1), (2, 2)]);
+        let mut pairs = Vec::new();
+        assert_eq!(touching(&above, &below, 0, &mut pairs), [[2, 2]]);
+        assert_eq!(touching(&above, &below, 1, &mut pairs), [[0, 0], [1, 0], [1, 1], [2, 2]]);
     }
 }
