@@ -36,6 +36,7 @@ impl Band {
             above = row;
         }
         band.parts = unions.into_sets();
+        band.extents.reserve(band.parts.iter().max().map_or(0, |&last| last as usize + 1));
         for (row, y) in rows.enumerate() {
             band.measure(row, y);
         }

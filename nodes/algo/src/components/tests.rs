@@ -27,7 +27,7 @@ fn flooded(mask: &[f32], width: usize, connectivity: Connectivity, min_area: u64
 fn flood(mask: &[f32], width: usize, connectivity: Connectivity, start: usize, seen: &mut [bool]) -> Vec<usize> {
     let (mut pixels, mut waiting) = (Vec::new(), vec![start]);
     while let Some(pixel) = waiting.pop() {
-        if seen[pixel] || !(mask[pixel] > 0.5) {
+        if seen[pixel] || mask[pixel].is_nan() || mask[pixel] <= 0.5 {
             continue;
         }
         seen[pixel] = true;

@@ -102,6 +102,7 @@ fn take_in(reached: &mut [f32], row: &[f32], sup: impl Fn(f32, f32) -> f32) {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
     use crate::UNWATCHED;
@@ -184,6 +185,17 @@ mod tests {
         let closed = grown(&grown(&mask, 31, 2.5), 31, -2.5);
         assert!(mask.iter().zip(&opened).all(|(a, b)| b <= a));
         assert!(mask.iter().zip(&closed).all(|(a, b)| b >= a));
+    }
+
+    #[test]
+    fn threads_do_not_matter() {
+        let mask = noise(53 * 71);
+        let run = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| grown(&mask, 53, -6.2))
+        };
+        let alone = run(1);
+        assert!([2, 3, 8].into_iter().all(|threads| run(threads) == alone));
     }
 
     #[test]

@@ -44,7 +44,7 @@ pub fn polygon(
     out: ViewMut<f32>,
     watch: Watch,
 ) -> Result<(), Interrupted> {
-    assert!(x0.abs().max(y0.abs()) <= 1 << 40, "pixel ({x0}, {y0}) lies too far out");
+    assert!(x0.unsigned_abs().max(y0.unsigned_abs()) <= 1 << 40, "pixel ({x0}, {y0}) lies too far out");
     let feather = if feather > 0.0 { feather.min(FARTHEST) } else { 0.0 };
     let edges = outline(points);
     let bands = out.bands(BAND_ROWS);
@@ -225,6 +225,7 @@ impl Painter {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
     use crate::UNWATCHED;
