@@ -9,6 +9,11 @@ pub mod draw;
 pub mod feature;
 pub mod lattice;
 pub mod poisson;
+pub mod card;
+pub mod components;
+pub mod lattice;
+pub mod mask;
+mod steps;
 pub mod view;
 pub mod warp;
 
