@@ -4,15 +4,14 @@
 //! logging, no clock and no global state here, and this package does not know the engine. Work runs side by side
 //! on the caller's thread pool; results do not depend on its size.
 
+pub mod card;
+pub mod components;
 pub mod composite;
 pub mod draw;
 pub mod feature;
 pub mod lattice;
-pub mod poisson;
-pub mod card;
-pub mod components;
-pub mod lattice;
 pub mod mask;
+pub mod poisson;
 mod steps;
 pub mod view;
 pub mod warp;

@@ -1,0 +1,228 @@
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use smart_default::SmartDefault;
+use warploom_algo::lattice::{Lattice, Positions};
+use warploom_algo::rect::Rect as Window;
+use warploom_algo::resample::{self, Edge as Border, Filter as Kernel, Map};
+use warploom_algo::{components, mask};
+use warploom_core::node::{Context, In, Node, NodeError, Output, Outputs, Raster as AnyRaster};
+use warploom_core::value::{
+    Buffer, BufferMut, Channel, Direction, Field, Image, Labels, Layer, Mask, Plane, Raster, Rect, Sample, Value, Warp,
+    Windows,
+};
+
+use crate::adapt::{lattice, positions, stopped, view, view_mut, watch};
+
+/// Draws a picture, mask, field or label map through a warp.
+///
+/// The warp's cells are drawn as quads. Where none folds, every pixel is drawn once; where several cover a pixel, the
+/// last in row order counts. All layers and channels are drawn; the data window becomes the image of the old one.
+/// Labels and channels of identities are never mixed.
+#[derive(Serialize, Deserialize, JsonSchema, SmartDefault)]
+#[serde(default, deny_unknown_fields)]
+pub struct Resample {
+    /// What to draw.
+    pub image: In<AnyRaster>,
+    /// Where it goes.
+    pub warp: In<Warp>,
+    /// How samples between pixels are made; labels take the nearest.
+    pub filter: Filter,
+    /// What lies outside the data window.
+    pub edge: Edge,
+    /// Width and height of the new format, at the old one's upper left corner; the old size if not given.
+    #[schemars(inner(range(min = 1, max = 65536)), extend("x-unit" = "px"))]
+    pub size: Option<[u32; 2]>,
+    /// Whether the new format is the warped picture's bounding box; not together with a size.
+    pub fit: bool,
+}
+
+/// How samples between pixels are made.
+#[derive(Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub enum Filter {
+    /// The nearest pixel's.
+    Nearest,
+    /// Linear between four pixels.
+    Linear,
+    /// Keys' cubic between sixteen pixels, a = -0.5.
+    #[default]
+    Cubic,
+}
+
+/// What lies outside the data window.
+#[derive(Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub enum Edge {
+    /// Nothing: zeros.
+    #[default]
+    Transparent,
+    /// The border pixel, on and on.
+    Clamp,
+    /// The picture mirrored at its border.
+    Mirror,
+    /// The picture again.
+    Wrap,
+}
+
+/// Farthest pixel from the origin that a warped picture may reach.
+const FAR: i64 = 1 << 24;
+
+impl Node for Resample {
+    const VERSION: u32 = 1;
+    const OUTPUTS: &'static [Output] = &[Output::same_as("image", "image")];
+
+    fn compute(&self, cx: &Context) -> Result<Outputs, NodeError> {
+        if self.fit && self.size.is_some() {
+            return Err(NodeError::refused("a size and fit exclude each other").at("fit"));
+        }
+        let (source, warp) = (cx.get(&self.image), cx.get(&self.warp));
+        let drawing =
+            Drawing { node: self, cx, direction: warp.direction, lattice: lattice(&warp.grid), positions: positions(&warp) };
+        Ok(match source {
+            Value::Image(image) => drawing.image(&image)?.into(),
+            Value::Mask(mask) => {
+                let mut drawn = drawing.raster(&mask.0)?;
+                mask::clamp(view_mut(&mut drawn.samples));
+                Mask(drawn.freeze()).into()
+            }
+            Value::Field(field) => Field(drawing.raster(&field.0)?.freeze()).into(),
+            Value::Labels(labels) => drawing.labels(&labels)?.into(),
+            other => return Err(NodeError::refused(format!("{} has no pixels", other.kind())).at("image")),
+        })
+    }
+}
+
+/// What all planes of one drawing share.
+struct Drawing<'a> {
+    node: &'a Resample,
+    cx: &'a Context<'a>,
+    direction: Direction,
+    lattice: Lattice,
+    positions: Positions,
+}
+
+/// A raster that is not frozen yet.
+struct Drawn<T> {
+    windows: Windows,
+    samples: BufferMut<T>,
+}
+
+impl<T: Sample> Drawn<T> {
+    fn freeze(self) -> Raster<T> {
+        Raster { windows: self.windows, samples: self.samples.freeze() }
+    }
+}
+
+impl Drawing<'_> {
+    fn map(&self) -> Map<'_> {
+        let (lattice, positions) = (&self.lattice, &self.positions);
+        match self.direction {
+            Direction::DstFromSrc => Map::Forward { lattice, positions },
+            Direction::SrcFromDst => Map::Backward { lattice, positions },
+        }
+    }
+
+    /// Display and data window of what is drawn from `windows`.
+    fn windows(&self, windows: &Windows) -> Windows {
+        let display = windows.display;
+        let display = self.node.size.map_or(display, |[w, h]| Rect::at(display.x0, display.y0, w as usize, h as usize));
+        // Without the filter's reach: the identity keeps the window.
+        let limit = Window { x0: -FAR, y0: -FAR, x1: FAR, y1: FAR };
+        let bounds = resample::bounds(&self.map(), window(&windows.data), Kernel::Nearest, limit).map(rect);
+        let endless = self.node.edge != Edge::Transparent;
+        match bounds {
+            Some(bounds) if self.node.fit => Windows { display: bounds, data: bounds, ..*windows },
+            Some(bounds) if !endless => Windows { display, data: bounds, ..*windows },
+            _ => Windows { display, data: display, ..*windows },
+        }
+    }
+
+    fn draw(&self, from: &Rect, to: &Rect, planes: &[&Buffer<f32>]) -> Result<Vec<BufferMut<f32>>, NodeError> {
+        let filter = match self.node.filter {
+            Filter::Nearest => Kernel::Nearest,
+            Filter::Linear => Kernel::Linear,
+            Filter::Cubic => Kernel::Cubic,
+        };
+        let mut out = self.planes(to, planes.len())?;
+        let (views, outs) = (planes.iter().map(|plane| view(plane)).collect::<Vec<_>>(), views_mut(&mut out));
+        let watch = watch(self.cx);
+        resample::draw(&self.map(), window(from), window(to), filter, self.border(), &views, outs, &watch)
+            .map_err(stopped)?;
+        Ok(out)
+    }
+
+    fn draw_labels(&self, from: &Rect, to: &Rect, planes: &[&Buffer<u32>]) -> Result<Vec<BufferMut<u32>>, NodeError> {
+        let mut out = self.planes(to, planes.len())?;
+        let (views, outs) = (planes.iter().map(|plane| view(plane)).collect::<Vec<_>>(), views_mut(&mut out));
+        let watch = watch(self.cx);
+        resample::draw_labels(&self.map(), window(from), window(to), self.border(), &views, outs, &watch)
+            .map_err(stopped)?;
+        Ok(out)
+    }
+
+    fn planes<T: Sample>(&self, window: &Rect, count: usize) -> Result<Vec<BufferMut<T>>, NodeError> {
+        (0..count).map(|_| self.cx.plane(window.width(), window.height())).collect()
+    }
+
+    fn border(&self) -> Border {
+        match self.node.edge {
+            Edge::Transparent => Border::Transparent,
+            Edge::Clamp => Border::Clamp,
+            Edge::Mirror => Border::Mirror,
+            Edge::Wrap => Border::Wrap,
+        }
+    }
+
+    fn raster(&self, raster: &Raster<f32>) -> Result<Drawn<f32>, NodeError> {
+        let windows = self.windows(&raster.windows);
+        let drawn = self.draw(&raster.windows.data, &windows.data, &[&raster.samples])?;
+        let samples = drawn.into_iter().next().expect("one plane gives one");
+        Ok(Drawn { windows, samples })
+    }
+
+    fn labels(&self, labels: &Labels) -> Result<Labels, NodeError> {
+        let windows = self.windows(&labels.raster.windows);
+        let drawn = self.draw_labels(&labels.raster.windows.data, &windows.data, &[&labels.raster.samples])?;
+        let samples = drawn.into_iter().next().expect("one plane gives one").freeze();
+        let found = components::tabulate(view(&samples), windows.data.x0.into(), windows.data.y0.into());
+        let table = found.iter().map(|(label, component)| crate::mask::component_row(*label, component)).collect();
+        Ok(Labels { raster: Raster { windows, samples }, table })
+    }
+
+    fn image(&self, image: &Image) -> Result<Image, NodeError> {
+        let display = self.windows(&image.windows()).display;
+        let layers = image.layers.iter().map(|layer| self.layer(image, layer)).collect::<Result<_, _>>()?;
+        Ok(Image { display, layers, ..image.clone() })
+    }
+
+    fn layer(&self, image: &Image, layer: &Layer) -> Result<Layer, NodeError> {
+        let data = self.windows(&Windows { data: layer.data, ..image.windows() }).data;
+        let numbers: Vec<&Buffer<f32>> = (layer.channels.iter())
+            .filter_map(|channel| if let Plane::F32(plane) = &channel.plane { Some(plane) } else { None })
+            .collect();
+        let identities: Vec<&Buffer<u32>> = (layer.channels.iter())
+            .filter_map(|channel| if let Plane::U32(plane) = &channel.plane { Some(plane) } else { None })
+            .collect();
+        let mut numbers = self.draw(&layer.data, &data, &numbers)?.into_iter();
+        let mut identities = self.draw_labels(&layer.data, &data, &identities)?.into_iter();
+        let drawn = |channel: &Channel| {
+            let plane = match channel.plane {
+                Plane::F32(_) => Plane::F32(numbers.next().expect("one per plane").freeze()),
+                Plane::U32(_) => Plane::U32(identities.next().expect("one per plane").freeze()),
+            };
+            Channel { plane, ..channel.clone() }
+        };
+        Ok(Layer { data, channels: layer.channels.iter().map(drawn).collect(), ..layer.clone() })
+    }
+}
+
+fn views_mut<T: Sample>(planes: &mut [BufferMut<T>]) -> Vec<warploom_algo::view::ViewMut<'_, T>> {
+    planes.iter_mut().map(view_mut).collect()
+}
+
+fn window(rect: &Rect) -> Window {
+    Window { x0: rect.x0.into(), y0: rect.y0.into(), x1: rect.x1.into(), y1: rect.y1.into() }
+}
+
+fn rect(window: Window) -> Rect {
+    let [x0, y0, x1, y1] = [window.x0, window.y0, window.x1, window.y1].map(|edge| edge as i32);
+    Rect { x0, y0, x1, y1 }
+}
