@@ -1,1 +1,3 @@
 //! Values, node trait, graph, engine and diagnostics of Warploom.
+
+pub mod graph;
