@@ -292,13 +292,10 @@ impl<'a> Reader<'a> {
 
     /// Whether the entry at `at` is meant to be a field, however its name and its `:` are written.
     pub fn field_starts(&self, at: usize) -> bool {
-        let name_end = match name_at(self.text, at) {
-            Some(name) => run_end(self.text, name.end, is_raw_name_char),
-            None if self.text[at..].starts_with('"') => quoted_end(self.text, at).end,
-            None => return false,
-        };
-        let colon = blank_end(self.text, name_end).ok().and_then(|colon| self.text.as_bytes().get(colon));
-        matches!(colon, Some(b':' | b'='))
+        let behind = |end: usize| blank_end(self.text, end).ok().and_then(|end| self.text.as_bytes().get(end).copied());
+        let quoted = || self.text[at..].starts_with('"').then(|| quoted_end(self.text, at).end);
+        let Some(end) = name_at(self.text, at).map(|name| name.end).or_else(quoted) else { return false };
+        matches!(behind(end), Some(b':' | b'=')) || behind(run_end(self.text, end, is_raw_name_char)) == Some(b':')
     }
 
     /// Takes `needed` nesting levels, or reports that there are none left at the cursor.

@@ -209,6 +209,13 @@ fn graphs_are_ron() {
 }
 
 #[test]
+fn what_long_runs_found() {
+    for text in ["(inf..=inf)", "(inf..)", "(inf..inf)", "(a = 1)", "(a..: 1)", "F(\"a\" = 1)", "Some(inf..=1)"] {
+        assert_eq!(agrees(text), Ok(()), "{text}");
+    }
+}
+
+#[test]
 fn the_raw_value_of_ron_accepts_the_same_but_for_the_last_line() {
     let raw = |text: &str| ron::from_str::<&ron::value::RawValue>(text).is_ok();
     for text in ["(a: 1)", "[1, 2,]", "{\"a\": Some(()), 'b': b\"x\"}", "1 2", "(a: )", "Some()", "'", "r#a-b"] {
