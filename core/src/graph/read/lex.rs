@@ -212,6 +212,7 @@ pub(super) fn single_quoted_end(text: &str, open: usize) -> Option<usize> {
     let first = match bytes.get(open + 1)? {
         b'\\' => open + 3,
         b'\n' => return None,
+        b'\'' if bytes.get(open + 2) != Some(&b'\'') => return Some(open + 2),
         _ => open + 1 + char_at(text, open + 1)?.len_utf8(),
     };
     let closing = bytes.get(first..)?.iter().position(|&byte| matches!(byte, b'\'' | b'\n'))?;

@@ -131,6 +131,9 @@ impl<'a> Reader<'a> {
         if !quoted.closed {
             let hint = "write the closing `\"`".to_owned();
             self.fault(start, quoted.end, "this text is never closed".to_owned(), Some(hint));
+            if quoted.end == self.text.len() {
+                self.leave(0);
+            }
             return None;
         }
         Some((quote + 1, &self.text[quote + 1..quoted.inner_end]))

@@ -9,12 +9,12 @@ use super::lex::{
     NameAt, SMART_QUOTES, blank_end, char_at, is_blank, is_raw_name_char, name_at, quoted_end, run_end, token_end,
 };
 use super::lines::Lines;
-use super::tree::{Kind, Reader, Trouble, broken};
+use super::tree::{Kind, Part, Reader, Trouble};
 use super::{Fault, MOST_FAULTS, Ron, Span, Spanned};
 
 /// A look ahead reads so many bytes at most, and a whole text is worth so many of them: garbage costs no more.
 const BYTES_AHEAD: usize = 4096;
-const LOOK_AHEADS: usize = 4 * MOST_FAULTS;
+const LOOK_AHEADS: usize = 10 * MOST_FAULTS;
 
 /// Lines indented further than this (or longer, before their key) tell nothing.
 const WIDEST_INDENT: usize = 400;
@@ -46,11 +46,10 @@ impl Reader<'_> {
 
     /// Reports that the innermost bracket is not closed before the token at the cursor.
     fn unclosed(&mut self, keep: usize) {
-        let Some((at, close)) = self.open.last().map(|open| (open.at, open.kind.close())) else { return };
-        let (bracket, line) = (char::from(self.text.as_bytes()[at]), self.line(at));
+        let Some((at, kind)) = self.open.last().map(|open| (open.at, open.kind)) else { return };
+        let (close, bracket, line) = (char::from(kind.close()), kind.open(), self.line(at));
         let found = self.found(self.at);
-        let message =
-            format!("expected `{}` before {found}: the `{bracket}` of line {line} is not closed", char::from(close));
+        let message = format!("expected `{close}` before {found}: the `{bracket}` of line {line} is not closed");
         self.fault(self.at, self.token_end(self.at), message, None);
         if let Some(fault) = self.faults.last_mut() {
             fault.opened = Some(Span::new(at, at + 1));
@@ -70,7 +69,7 @@ impl Reader<'_> {
         }
     }
 
-    fn leave(&mut self, keep: usize) {
+    pub fn leave(&mut self, keep: usize) {
         if self.trouble != Trouble::Leave(0) {
             self.trouble = Trouble::Leave(keep);
         }
@@ -99,8 +98,10 @@ impl Reader<'_> {
 
     /// What the author may have meant by the token at the cursor.
     fn hint_here(&self) -> Option<String> {
-        let before = self.text[..self.at].chars().next_back().unwrap_or(' ');
-        let word_before = before.is_alphanumeric() || before == '_';
+        let before = &self.text[..self.at];
+        let word = before.trim_end_matches(is_blank);
+        let word = &word[word.trim_end_matches(is_word).len()..];
+        let adjacent = before.ends_with(is_word);
         let hint = match char_at(self.text, self.at)? {
             '=' => "a name and its value are joined by `:`",
             ';' => "entries are separated by `,`",
@@ -108,11 +109,17 @@ impl Reader<'_> {
             '\u{FEFF}' => "this is a byte order mark: save the file without it",
             c if SMART_QUOTES.contains(&c) => "text stands in straight double quotes: \"..\"",
             c if c.is_whitespace() => "RON does not take this for white space: write a plain space",
-            c if before.is_ascii_digit() && (c.is_alphabetic() || c == '%') => "a number carries no unit",
-            '.' | '/' | '-' | '\\' | ':' | '*' | '$' if word_before => {
+            c if adjacent && word.starts_with(|c: char| c.is_ascii_digit()) && (c.is_alphabetic() || c == '%') => {
+                "a number carries no unit"
+            }
+            _ if self.glued() => "a `\"` is missing before this, or is one too many",
+            '{' | '[' if adjacent => "what belongs to a name stands in parentheses: Name(..)",
+            '.' | '/' | '-' | '\\' | '*' | '$' if adjacent => {
                 "text stands in double quotes; a name is one word of letters, digits and `_`"
             }
-            '{' if word_before => "what belongs to a name stands in parentheses: Name(..)",
+            c if is_word(c) && !c.is_ascii_digit() && word.starts_with(char::is_alphabetic) => {
+                "text stands in double quotes, and what belongs to a name in parentheses: Name(..)"
+            }
             _ => return None,
         };
         Some(hint.to_owned())
@@ -128,25 +135,37 @@ impl Reader<'_> {
         match self.judge(found) {
             Misfit::ClosesOuter(keep) => self.unclosed(keep),
             Misfit::Mistyped => {
-                let Some(open) = self.open.last() else { return };
-                let (at, close) = (open.at, char::from(open.kind.close()));
-                let (bracket, line) = (char::from(self.text.as_bytes()[at]), self.line(at));
+                let Some((at, kind)) = self.open.last().map(|open| (open.at, open.kind)) else { return };
+                let (close, bracket, line) = (char::from(kind.close()), kind.open(), self.line(at));
                 self.fault_here(format!("expected `{close}` to close the `{bracket}` of line {line}"));
                 self.at += 1;
                 self.leave(self.open.len() - 1);
             }
             Misfit::Stray => {
-                let message = format!("this `{}` closes nothing", char::from(found));
-                self.fault(self.at, self.at + 1, message, None);
-                self.at += 1;
+                self.stray(found);
                 self.leave(self.open.len());
             }
         }
     }
 
+    fn stray(&mut self, closing: u8) {
+        let message = format!("this `{}` closes nothing", char::from(closing));
+        self.fault(self.at, self.at + 1, message, None);
+        self.at += 1;
+    }
+
+    /// Behind the text's one value, where nothing may stand.
+    pub fn trailing(&mut self) {
+        match self.peek() {
+            None => {}
+            Some(closing @ (b')' | b']' | b'}')) => self.stray(closing),
+            Some(_) => self.fault_here("expected nothing more".to_owned()),
+        }
+    }
+
     fn never_closed(&mut self) {
-        let Some(at) = self.open.last().map(|open| open.at) else { return };
-        let message = format!("this `{}` is never closed", char::from(self.text.as_bytes()[at]));
+        let Some((at, kind)) = self.open.last().map(|open| (open.at, open.kind)) else { return };
+        let message = format!("this `{}` is never closed", kind.open());
         self.fault(at, at + 1, message, None);
         self.leave(0);
     }
@@ -154,22 +173,49 @@ impl Reader<'_> {
     /// At a token that neither separates entries nor closes the bracket.
     pub fn missing_separator(&mut self) {
         let Some((kind, entry)) = self.open.last().map(|open| (open.kind, open.entry)) else { return };
-        let is_key = self.peek() == Some(b':') && kind != Kind::Map && self.last_text >= entry;
-        let at = if is_key { self.last_text } else { self.at };
-        if let Some(keep) = self.outer_entry(at).filter(|&keep| keep < self.open.len()) {
+        if let Some((at, keep)) = self.unclosed_before(kind, entry) {
             self.at = at;
             return self.unclosed(keep);
         }
         let close = char::from(kind.close());
-        self.fault_here(format!("expected `,` or `{close}` after this"));
-        if !self.entry_starts(kind) {
+        self.fault_here(format!("expected `,` or `{close}` after this value"));
+        let hint = match kind {
+            Kind::Tuple => "either every entry has a name or none has",
+            Kind::List => "names with values stand in braces: {\"name\": value}",
+            _ => "",
+        };
+        if let (Some(b':'), Some(fault), false) = (self.peek(), self.faults.last_mut(), hint.is_empty()) {
+            fault.hint = Some(hint.to_owned());
+        }
+        if self.glued() || !self.entry_starts(kind) {
             self.lose();
         }
+    }
+
+    /// Where an outer bracket's entry begins instead of the innermost one's separator, and how many brackets hold it.
+    fn unclosed_before(&mut self, kind: Kind, entry: usize) -> Option<(usize, usize)> {
+        let innermost = self.open.len() - 1;
+        let colon = self.peek() == Some(b':');
+        let at = if colon && kind != Kind::Map && self.last_text >= entry { self.last_text } else { self.at };
+        if let Some(keep) = self.outer_entry(at).filter(|&keep| keep <= innermost) {
+            return Some((at, keep));
+        }
+        let outer_is_struct = innermost > 0 && self.open[innermost - 1].kind == Kind::Struct;
+        let field = colon && outer_is_struct && matches!(kind, Kind::Tuple | Kind::List) && self.field_starts(entry);
+        let closes = field && self.matches_until(innermost) > self.matches_until(innermost + 1);
+        closes.then_some((entry, innermost))
+    }
+
+    /// Whether a word and a quote touch at the cursor: another quote is missing, and what is text here cannot be told.
+    fn glued(&self) -> bool {
+        let (before, rest) = (&self.text[..self.at], self.rest());
+        before.ends_with('"') && rest.starts_with(is_word) || before.ends_with(is_word) && rest.starts_with('"')
     }
 
     fn entry_starts(&self, kind: Kind) -> bool {
         match kind {
             Kind::Struct => self.field_starts(self.at),
+            Kind::Map if self.peek() != Some(b'"') && !self.starts_line(self.at) => false,
             Kind::Map => colon_behind(self.text, self.token_end(self.at)).is_some(),
             _ => self.value_starts(),
         }
@@ -186,7 +232,7 @@ impl Reader<'_> {
         self.fault_here(format!("expected `:` after {what}"));
         if self.rest().starts_with('=') {
             self.at += 1;
-        } else if !self.value_starts() && !self.rest().starts_with(',') && !self.at_end_or_closing() {
+        } else if self.glued() || !self.value_starts() && !self.rest().starts_with(',') && !self.at_end_or_closing() {
             self.lose();
         }
     }
@@ -202,11 +248,22 @@ impl Reader<'_> {
         if ends && self.marked {
             return self.broken_here();
         }
-        if ends || self.next_entry_on_new_line(start) {
-            let outer = self.outer_entry(self.at);
+        if ends {
             self.fault_here(format!("{whose} needs a value after `:`"));
-            self.leave(outer.filter(|_| !ends).unwrap_or(self.open.len()));
+            self.lose();
             return self.broken_here();
+        }
+        if self.next_entry_on_new_line(start) {
+            if let Some(keep) = self.outer_entry(self.at) {
+                self.fault_here(format!("{whose} needs a value after `:`"));
+                self.leave(keep);
+                return self.broken_here();
+            }
+            self.fault_here("expected `{`".to_owned());
+            self.marked = false;
+            let map = self.map_without_brace();
+            self.marked = true;
+            return map;
         }
         let marked = std::mem::take(&mut self.marked);
         let value = self.value();
@@ -214,9 +271,9 @@ impl Reader<'_> {
         value
     }
 
-    fn broken_here(&mut self) -> Spanned<Ron> {
+    pub fn broken_here(&mut self) -> Spanned<Ron> {
         self.marked = false;
-        broken(Span::new(self.at, self.at))
+        Spanned::broken(Span::new(self.at, self.at))
     }
 
     /// Whether a line break behind `start` and then a text with a `:` make the token at the cursor the next entry.
@@ -320,10 +377,6 @@ impl Reader<'_> {
     fn judge(&mut self, found: u8) -> Misfit {
         let innermost = self.open.len() - 1;
         let outer = self.open[..innermost].iter().rposition(|open| open.kind.close() == found);
-        self.look_aheads += 1;
-        if self.look_aheads > LOOK_AHEADS {
-            return outer.map_or(Misfit::Stray, |index| Misfit::ClosesOuter(index + 1));
-        }
         let mistyped = self.matches_until(innermost);
         let stray = self.matches_until(innermost + 1);
         match outer {
@@ -334,7 +387,11 @@ impl Reader<'_> {
     }
 
     /// How far the brackets behind the one at the cursor match, so many of the open ones being open there.
-    fn matches_until(&self, keep: usize) -> usize {
+    fn matches_until(&mut self, keep: usize) -> usize {
+        self.look_aheads += 1;
+        if self.look_aheads > LOOK_AHEADS {
+            return self.at;
+        }
         let mut awaited: Vec<u8> = self.open[..keep].iter().map(|open| open.kind.close()).collect();
         let text = &self.text[..self.text.floor_char_boundary(self.at + BYTES_AHEAD)];
         let mut at = self.at + 1;
@@ -407,4 +464,8 @@ impl Reader<'_> {
 /// Where the `:` stands behind a token that ends at `end`.
 fn colon_behind(text: &str, end: usize) -> Option<usize> {
     blank_end(text, end).ok().filter(|&colon| text[colon..].starts_with(':'))
+}
+
+fn is_word(c: char) -> bool {
+    c == '_' || c.is_alphanumeric()
 }

@@ -20,6 +20,14 @@ pub(super) enum Kind {
 }
 
 impl Kind {
+    pub fn open(self) -> char {
+        match self {
+            Kind::Struct | Kind::Tuple | Kind::Some => '(',
+            Kind::List => '[',
+            Kind::Map => '{',
+        }
+    }
+
     pub fn close(self) -> u8 {
         match self {
             Kind::Struct | Kind::Tuple | Kind::Some => b')',
@@ -47,8 +55,47 @@ pub(super) enum Trouble {
     Leave(usize),
 }
 
-type Field = (Spanned<String>, Spanned<Ron>);
+/// What a bracket holds: values, map entries or fields.
+pub(super) trait Part {
+    /// Stands for a part that could not be read.
+    fn broken(span: Span) -> Self;
+    /// Marks a part as one that was not read whole.
+    fn spoil(&mut self);
+}
+
+impl Part for Spanned<Ron> {
+    fn broken(span: Span) -> Self {
+        Spanned { value: Ron::Broken, span }
+    }
+
+    fn spoil(&mut self) {
+        self.value = Ron::Broken;
+    }
+}
+
 type Entry = (Spanned<Ron>, Spanned<Ron>);
+
+impl Part for Entry {
+    fn broken(span: Span) -> Self {
+        (Spanned::broken(span), Spanned::broken(span))
+    }
+
+    fn spoil(&mut self) {
+        self.1.spoil();
+    }
+}
+
+type Field = (Spanned<String>, Spanned<Ron>);
+
+impl Part for Field {
+    fn broken(span: Span) -> Self {
+        (Spanned { value: String::new(), span }, Spanned::broken(span))
+    }
+
+    fn spoil(&mut self) {
+        self.1.spoil();
+    }
+}
 
 pub(super) struct Reader<'a> {
     pub text: &'a str,
@@ -62,7 +109,7 @@ pub(super) struct Reader<'a> {
     /// A fault was reported that has left no `Broken` yet.
     pub marked: bool,
     pub faults: Vec<Fault>,
-    pub lines: Option<Lines<&'a str>>,
+    pub lines: Option<Lines<'a>>,
     pub look_aheads: usize,
     /// Where the last text literal read begins.
     pub last_text: usize,
@@ -94,9 +141,7 @@ impl<'a> Reader<'a> {
         let tree = self.value();
         if self.trouble == Trouble::None {
             self.blank();
-            if self.at < self.text.len() {
-                self.fault_here("expected nothing more".to_owned());
-            }
+            self.trailing();
         }
         self.faults.sort_by_key(|fault| fault.span);
         Reading { tree: Some(tree).filter(|tree| !matches!(tree.value, Ron::Broken)), faults: self.faults }
@@ -145,8 +190,8 @@ impl<'a> Reader<'a> {
             }
             Some(b'0'..=b'9' | b'+' | b'-' | b'.') => self.number_or_range(),
             Some(b'(') => self.parenthesis(None),
-            Some(b'[') => self.bracket(Kind::List, Self::value, broken).map_or(Ron::Broken, Ron::List),
-            Some(b'{') => self.bracket(Kind::Map, Self::entry, broken_entry).map_or(Ron::Broken, Ron::Map),
+            Some(b'[') => self.bracket(Kind::List, Self::value).map_or(Ron::Broken, Ron::List),
+            Some(b'{') => self.bracket(Kind::Map, Self::entry).map_or(Ron::Broken, Ron::Map),
             Some(b'\'') => self.char_literal(),
             Some(first) => match name_at(self.text, self.at) {
                 Some(name) => self.named(name),
@@ -202,12 +247,12 @@ impl<'a> Reader<'a> {
         if self.extensions.unwrap_variant_newtypes {
             return self.parenthesis(name);
         }
-        let Some(mut items) = self.bracket(Kind::Some, Self::value, broken) else { return Ron::Broken };
+        let Some(mut items) = self.bracket(Kind::Some, Self::value) else { return Ron::Broken };
         if items.len() != 1 && !items.iter().any(super::has_broken) {
             let surplus = items.get(1).map_or(self.at - 1, |item| item.span.start as usize);
             self.fault(surplus, self.token_end(surplus), "`Some` takes one value".to_owned(), None);
             self.marked = false;
-            items.push(broken(Span::new(self.at - 1, self.at - 1)));
+            items.push(Spanned::broken(Span::new(self.at - 1, self.at - 1)));
         }
         Ron::Tuple { name, items }
     }
@@ -234,10 +279,10 @@ impl<'a> Reader<'a> {
         }
         let first = blank_end(self.text, self.at + 1).unwrap_or(self.text.len());
         if self.field_starts(first) {
-            let fields = self.bracket(Kind::Struct, Self::field, broken_field);
+            let fields = self.bracket(Kind::Struct, Self::field);
             return fields.map_or(Ron::Broken, |fields| Ron::Struct { name, fields });
         }
-        match self.bracket(Kind::Tuple, Self::value, broken) {
+        match self.bracket(Kind::Tuple, Self::value) {
             None => Ron::Broken,
             Some(items) if !items.is_empty() => Ron::Tuple { name, items },
             Some(_) if name.is_some() => Ron::Struct { name, fields: Vec::new() },
@@ -247,13 +292,10 @@ impl<'a> Reader<'a> {
 
     /// Whether the entry at `at` is meant to be a field, however its name and its `:` are written.
     pub fn field_starts(&self, at: usize) -> bool {
-        let name_end = match name_at(self.text, at) {
-            Some(name) => run_end(self.text, name.end, is_raw_name_char),
-            None if self.text[at..].starts_with('"') => quoted_end(self.text, at).end,
-            None => return false,
-        };
-        let colon = blank_end(self.text, name_end).ok().and_then(|colon| self.text.as_bytes().get(colon));
-        matches!(colon, Some(b':' | b'='))
+        let behind = |end: usize| blank_end(self.text, end).ok().and_then(|end| self.text.as_bytes().get(end).copied());
+        let quoted = || self.text[at..].starts_with('"').then(|| quoted_end(self.text, at).end);
+        let Some(end) = name_at(self.text, at).map(|name| name.end).or_else(quoted) else { return false };
+        matches!(behind(end), Some(b':' | b'=')) || behind(run_end(self.text, end, is_raw_name_char)) == Some(b':')
     }
 
     /// Takes `needed` nesting levels, or reports that there are none left at the cursor.
@@ -270,22 +312,39 @@ impl<'a> Reader<'a> {
     }
 
     /// Reads the entries of a bracket from its opening to its closing one; none if it is nested too deep.
-    fn bracket<T>(&mut self, kind: Kind, read: fn(&mut Self) -> T, broken: fn(Span) -> T) -> Option<Vec<T>> {
+    fn bracket<T: Part>(&mut self, kind: Kind, read: fn(&mut Self) -> T) -> Option<Vec<T>> {
         let first = blank_end(self.text, self.at + 1).unwrap_or(self.text.len());
         let is_empty = self.text.as_bytes().get(first) == Some(&kind.close());
         let levels = if is_empty || kind == Kind::Some { 1 } else { 2 };
         if !self.enter(levels) {
             return None;
         }
-        self.open.push(Open { at: self.at, kind, entry: first });
+        let open = self.at;
         self.at += 1;
-        let entries = self.entries(kind.close(), read, broken);
-        self.open.pop();
+        let entries = self.inside(kind, open, read);
         self.levels_left += levels;
         Some(entries)
     }
 
-    fn entries<T>(&mut self, close: u8, read: fn(&mut Self) -> T, broken: fn(Span) -> T) -> Vec<T> {
+    /// Reads the entries of a map whose opening bracket is missing at the cursor.
+    pub fn map_without_brace(&mut self) -> Spanned<Ron> {
+        let start = self.at;
+        if !self.enter(2) {
+            return self.broken_here();
+        }
+        let entries = self.inside(Kind::Map, start, Self::entry);
+        self.levels_left += 2;
+        Spanned { value: Ron::Map(entries), span: Span::new(start, self.at) }
+    }
+
+    fn inside<T: Part>(&mut self, kind: Kind, open: usize, read: fn(&mut Self) -> T) -> Vec<T> {
+        self.open.push(Open { at: open, kind, entry: self.at });
+        let entries = self.entries(kind.close(), read);
+        self.open.pop();
+        entries
+    }
+
+    fn entries<T: Part>(&mut self, close: u8, read: fn(&mut Self) -> T) -> Vec<T> {
         let mut entries = Vec::new();
         loop {
             self.blank();
@@ -298,15 +357,22 @@ impl<'a> Reader<'a> {
                 if let Some(open) = self.open.last_mut() {
                     open.entry = self.at;
                 }
-                entries.push(read(self));
+                let mut entry = read(self);
                 let end = self.at;
-                self.separator(close);
-                if self.at < end {
-                    entries.pop();
+                if self.trouble == Trouble::None {
+                    self.separator(close);
+                    if self.trouble == Trouble::Lost {
+                        entry.spoil();
+                        self.marked = false;
+                    }
+                }
+                // An unclosed bracket may have been found to end before this entry, which an outer one holds then.
+                if self.at >= end {
+                    entries.push(entry);
                 }
             }
             if std::mem::take(&mut self.marked) {
-                entries.push(broken(Span::new(self.at, self.at)));
+                entries.push(T::broken(Span::new(self.at, self.at)));
             }
             if self.trouble != Trouble::None && !self.recover() {
                 return entries;
@@ -316,9 +382,6 @@ impl<'a> Reader<'a> {
 
     /// What stands behind an entry: a comma, or the closing bracket, which is left for the next round.
     fn separator(&mut self, close: u8) {
-        if self.trouble != Trouble::None {
-            return;
-        }
         self.blank();
         if self.eat(b',') || self.peek() == Some(close) {
             return;
@@ -329,7 +392,7 @@ impl<'a> Reader<'a> {
     fn entry(&mut self) -> Entry {
         let key = self.value();
         if self.trouble != Trouble::None {
-            return (key, broken(Span::new(self.at, self.at)));
+            return (key, self.broken_here());
         }
         self.blank();
         if !self.eat(b':') {
@@ -340,7 +403,7 @@ impl<'a> Reader<'a> {
     }
 
     fn field(&mut self) -> Field {
-        let Some(name) = self.field_name() else { return broken_field(Span::new(self.at, self.at)) };
+        let Some(name) = self.field_name() else { return Field::broken(Span::new(self.at, self.at)) };
         self.blank();
         if !self.eat(b':') {
             self.missing_colon(&format!("`{}`", name.value));
@@ -406,16 +469,4 @@ impl<'a> Reader<'a> {
         };
         if let Ron::Broken = end { Ron::Broken } else { Ron::Range }
     }
-}
-
-pub(super) fn broken(span: Span) -> Spanned<Ron> {
-    Spanned { value: Ron::Broken, span }
-}
-
-fn broken_entry(span: Span) -> Entry {
-    (broken(span), broken(span))
-}
-
-pub(super) fn broken_field(span: Span) -> Field {
-    (Spanned { value: String::new(), span }, broken(span))
 }

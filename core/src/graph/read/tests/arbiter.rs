@@ -184,11 +184,34 @@ fn same_text(text: &str) -> Result<(), TestCaseError> {
     Ok(())
 }
 
+/// Half of the texts the dice make would prove little if ron refused, or took, nearly all of them.
+#[test]
+fn the_dice_make_both() {
+    let mut state = 1_u32;
+    let mut roll = || {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        state >> 8
+    };
+    let accepted = (0..1000).filter(|_| {
+        let tape: Vec<u32> = (0..60).map(|_| roll()).collect();
+        read(&Dice::new(&tape).text()).faults.is_empty()
+    });
+    let accepted = accepted.count();
+    assert!((250..750).contains(&accepted), "{accepted}");
+}
+
 #[test]
 fn graphs_are_ron() {
     for graph in GRAPHS {
         assert_eq!(read(graph).faults, []);
         assert_eq!(agrees(graph), Ok(()));
+    }
+}
+
+#[test]
+fn what_long_runs_found() {
+    for text in ["(inf..=inf)", "(inf..)", "(inf..inf)", "(a = 1)", "(a..: 1)", "F(\"a\" = 1)", "Some(inf..=1)"] {
+        assert_eq!(agrees(text), Ok(()), "{text}");
     }
 }
 
@@ -218,7 +241,9 @@ fn integers_keep_all_digits() {
 #[test]
 fn nesting_ends_where_ron_ends_it() {
     for depth in 20..140 {
-        for (open, inner, close) in [("[", "", "]"), ("[", "1", "]"), ("(a:", "( )", ")"), ("Some(", "1", ")"), ("{", "()", ":1}")] {
+        for (open, inner, close) in
+            [("[", "", "]"), ("[", "1", "]"), ("(a:", "( )", ")"), ("Some(", "1", ")"), ("{", "()", ":1}")]
+        {
             let text = open.repeat(depth) + inner + &close.repeat(depth);
             assert_eq!(agrees(&text), Ok(()), "{depth} {open}");
         }

@@ -60,7 +60,18 @@ impl<'a> Dice<'a> {
     fn blank(&mut self, text: &mut String) {
         if self.below(3) == 2 {
             *text += self.one_of(&[
-                " ", "\n", "\t\r\n", "// c\n", "/* \" /* ( */ */", "\u{85}", "\u{200E}", "\u{2028}", "\x0B\x0C", "//", "/", "/*/ */",
+                " ",
+                "\n",
+                "\t\r\n",
+                "// c\n",
+                "/* \" /* ( */ */",
+                "\u{85}",
+                "\u{200E}",
+                "\u{2028}",
+                "\x0B\x0C",
+                "//",
+                "/",
+                "/*/ */",
             ]);
         }
     }
@@ -70,10 +81,29 @@ impl<'a> Dice<'a> {
             0 | 1 => *text += &self.number(),
             2 => *text += &self.quoted(),
             3 => *text += &self.name(),
-            4 => *text += self.one_of(&["true", "false", "None", "inf", "-inf", "NaN", "inff32", "NaNf64", "()", "+NaNf32"]),
+            4 => {
+                *text +=
+                    self.one_of(&["true", "false", "None", "inf", "-inf", "NaN", "inff32", "NaNf64", "()", "+NaNf32"])
+            }
             5 => *text += &self.range(),
-            6 => *text += self.one_of(&["'x'", "'\\''", "'''", "'\\u{e9}'", "'日'", "b'a'", "b'\\xff'", "'\\x41'", "''", "'ab'"]),
-            7 => *text += self.one_of(&["Some", "Some(1)", "Some (1 , )", "Some()", "Some(1, 2)", "Some(a: 1)", "Some 1"]),
+            6 => {
+                *text += self.one_of(&[
+                    "'x'",
+                    "'\\''",
+                    "'''",
+                    "'\\u{e9}'",
+                    "'日'",
+                    "b'a'",
+                    "b'\\xff'",
+                    "'\\x41'",
+                    "''",
+                    "'ab'",
+                ])
+            }
+            7 => {
+                *text +=
+                    self.one_of(&["Some", "Some(1)", "Some (1 , )", "Some()", "Some(1, 2)", "Some(a: 1)", "Some 1"])
+            }
             8 => self.list(text, "[", "]", depth, Self::value),
             9 => self.list(text, "{", "}", depth, Self::entry),
             10 => self.list(text, "(", ")", depth, Self::value),
@@ -86,7 +116,14 @@ impl<'a> Dice<'a> {
         }
     }
 
-    fn list(&mut self, text: &mut String, open: &str, close: &str, depth: usize, entry: fn(&mut Self, &mut String, usize)) {
+    fn list(
+        &mut self,
+        text: &mut String,
+        open: &str,
+        close: &str,
+        depth: usize,
+        entry: fn(&mut Self, &mut String, usize),
+    ) {
         *text += open;
         self.blank(text);
         for index in (0..self.below(4)).rev() {
@@ -119,17 +156,67 @@ impl<'a> Dice<'a> {
     }
 
     fn name(&mut self) -> String {
-        let names = ["a", "b", "r", "br", "Grün", "_", "日本", "r#type", "r#a-b.c", "true", "inf", "Some", "r#1", "a-b", "r#r", "e5"];
+        let names = [
+            "a", "b", "r", "br", "Grün", "_", "日本", "r#type", "r#a-b.c", "true", "inf", "Some", "r#1", "a-b", "r#r",
+            "e5",
+        ];
         self.one_of(&names).to_owned()
     }
 
     pub fn number(&mut self) -> String {
-        const WHOLE: [&str; 12] =
-            ["1", "0", "-1", "2.5", "1_000", "0x1F", "1e5", "-.5e-3", "18446744073709551615", "9007199254740993", "300u8", "7i64"];
+        const WHOLE: [&str; 12] = [
+            "1",
+            "0",
+            "-1",
+            "2.5",
+            "1_000",
+            "0x1F",
+            "1e5",
+            "-.5e-3",
+            "18446744073709551615",
+            "9007199254740993",
+            "300u8",
+            "7i64",
+        ];
         const PIECES: [&str; 38] = [
-            "1", "0", "9", "255", "128", "_", ".", "e", "E", "+", "-", "0x", "0b", "0o", "f", "A", "i8", "u8", "i16", "u16", "i32",
-            "u32", "i64", "u64", "f32", "f64", "inf", "NaN", "18446744073709551615", "18446744073709551616", "9223372036854775808",
-            "1e400", "10", "-0", "b'a'", "x", "0.1", "340282350000000000000000000000000000000",
+            "1",
+            "0",
+            "9",
+            "255",
+            "128",
+            "_",
+            ".",
+            "e",
+            "E",
+            "+",
+            "-",
+            "0x",
+            "0b",
+            "0o",
+            "f",
+            "A",
+            "i8",
+            "u8",
+            "i16",
+            "u16",
+            "i32",
+            "u32",
+            "i64",
+            "u64",
+            "f32",
+            "f64",
+            "inf",
+            "NaN",
+            "18446744073709551615",
+            "18446744073709551616",
+            "9223372036854775808",
+            "1e400",
+            "10",
+            "-0",
+            "b'a'",
+            "x",
+            "0.1",
+            "340282350000000000000000000000000000000",
         ];
         if self.below(4) < 3 { self.one_of(&WHOLE).to_owned() } else { self.many(5, &PIECES) }
     }
@@ -147,22 +234,55 @@ impl<'a> Dice<'a> {
     /// A text, character or byte string.
     pub fn quoted(&mut self) -> String {
         const PIECES: [&str; 34] = [
-            "a", " ", "é", "日", "\n", "\\n", "\\t", "\\r", "\\0", "\\\\", "\\\"", "\\'", "'", "\\x41", "\\x7f", "\\xc3\\xa9",
-            "\\xe6\\x97\\xa5", "\\xff", "\\xc3", "\\u{e9}", "\\u{1F600}", "\\u{d800}", "\\u{}", "\\u{1234567}", "\\u{00041}", "\\p",
-            "\\\n   ", "\\\r\n\t", "\\\r", "#", "\"#", "//", ",", "\r\n",
+            "a",
+            " ",
+            "é",
+            "日",
+            "\n",
+            "\\n",
+            "\\t",
+            "\\r",
+            "\\0",
+            "\\\\",
+            "\\\"",
+            "\\'",
+            "'",
+            "\\x41",
+            "\\x7f",
+            "\\xc3\\xa9",
+            "\\xe6\\x97\\xa5",
+            "\\xff",
+            "\\xc3",
+            "\\u{e9}",
+            "\\u{1F600}",
+            "\\u{d800}",
+            "\\u{}",
+            "\\u{1234567}",
+            "\\u{00041}",
+            "\\p",
+            "\\\n   ",
+            "\\\r\n\t",
+            "\\\r",
+            "#",
+            "\"#",
+            "//",
+            ",",
+            "\r\n",
         ];
         let plain = self.below(3) < 2;
         let inner = self.many(4, if plain { &PIECES[..16] } else { &PIECES });
-        let (open, close) = self.one_of(&[("\"", "\""), ("r\"", "\""), ("r#\"", "\"#"), ("b\"", "\""), ("br##\"", "\"##"), ("'", "'")]);
+        let (open, close) =
+            self.one_of(&[("\"", "\""), ("r\"", "\""), ("r#\"", "\"#"), ("b\"", "\""), ("br##\"", "\"##"), ("'", "'")]);
         format!("{open}{inner}{close}")
     }
 
     /// Deletes, inserts or replaces a token or a character.
     fn mutate(&mut self, text: &mut String) {
         const TOKENS: [&str; 52] = [
-            "(", ")", "[", "]", "{", "}", ",", ":", "\"", "'", " ", "\n", "=", ";", "#", "/", "//", "/*", "*/", "\\", "..", "..=",
-            ".", "-", "+", "_", "1", "1.5", "e5", "u8", "f32", "0x", "inf", "true", "Some", "Some(", "None", "r#", "r\"", "r#\"",
-            "b\"", "b'", "x", "x:", "\"k\":", "()", "\u{A0}", "\u{FEFF}", "\u{201C}", "日", "\u{200E}", "",
+            "(", ")", "[", "]", "{", "}", ",", ":", "\"", "'", " ", "\n", "=", ";", "#", "/", "//", "/*", "*/", "\\",
+            "..", "..=", ".", "-", "+", "_", "1", "1.5", "e5", "u8", "f32", "0x", "inf", "true", "Some", "Some(",
+            "None", "r#", "r\"", "r#\"", "b\"", "b'", "x", "x:", "\"k\":", "()", "\u{A0}", "\u{FEFF}", "\u{201C}",
+            "日", "\u{200E}", "",
         ];
         let boundaries: Vec<usize> = (0..=text.len()).filter(|&at| text.is_char_boundary(at)).collect();
         let index = self.below(boundaries.len());
