@@ -1,3 +1,9 @@
-//! The graph: its file is read, then checked, then made a plan.
+//! From a graph file to a plan: read, check, plan.
 
+pub mod check;
+pub mod frames;
+pub mod plan;
 pub mod read;
+pub mod source;
+
+pub use check::{Checked, Options, check};

@@ -131,6 +131,19 @@ pub fn difference(a: Plane, b: Plane, out_x0: i64, out_y0: i64, out: ViewMut<f32
     });
 }
 
+/// Multiplies samples by a number.
+///
+/// out(x, y) = factor * source(x, y).
+///
+/// * `source`, `out`: planes of one size; every sample of `out` is written.
+/// * `factor`: any number.
+///
+/// Cost: linear in the samples, rows side by side.
+pub fn scale(source: View<f32>, factor: f32, out: ViewMut<f32>) {
+    assert_eq!([source.width(), source.height()], [out.width(), out.height()], "sizes differ");
+    out.par_rows(|y, row| row.iter_mut().zip(source.row(y)).for_each(|(out, sample)| *out = factor * sample));
+}
+
 /// Copies samples into another window: crops where that is smaller, pads with 0 where it is larger.
 ///
 /// out(x, y) = source(x, y), bit for bit.

@@ -2,15 +2,15 @@
 
 /// The line starts of one text. Lines end at `\n`.
 #[derive(Debug, Clone)]
-pub struct Lines<'a> {
-    text: &'a str,
+pub struct Lines<T> {
+    text: T,
     starts: Vec<u32>,
 }
 
-impl<'a> Lines<'a> {
+impl<T: AsRef<str>> Lines<T> {
     /// Finds the line starts of `text` (at most 4 GiB long). Cost: one pass over the text.
-    pub fn new(text: &'a str) -> Self {
-        let ends = text.bytes().enumerate().filter(|&(_, byte)| byte == b'\n');
+    pub fn new(text: T) -> Self {
+        let ends = text.as_ref().bytes().enumerate().filter(|&(_, byte)| byte == b'\n');
         let starts = std::iter::once(0).chain(ends.map(|(at, _)| at as u32 + 1)).collect();
         Lines { text, starts }
     }
@@ -25,8 +25,8 @@ impl<'a> Lines<'a> {
     pub fn position(&self, offset: u32) -> (usize, usize) {
         let line = self.line_of(offset);
         let start = self.starts[line - 1] as usize;
-        let before = &self.text.as_bytes()[start..self.text.len().min(offset as usize)];
-        let inside = !self.text.is_char_boundary(start + before.len());
+        let before = &self.text.as_ref().as_bytes()[start..self.text.as_ref().len().min(offset as usize)];
+        let inside = !self.text.as_ref().is_char_boundary(start + before.len());
         (line, 1 + before.iter().filter(|&&byte| byte & 0xC0 != 0x80).count() - usize::from(inside))
     }
 
@@ -36,10 +36,10 @@ impl<'a> Lines<'a> {
     }
 
     /// The text of a line counted from 1, without its line end; empty for a line that is not there.
-    pub fn line(&self, line: usize) -> &'a str {
+    pub fn line(&self, line: usize) -> &str {
         let Some(&start) = line.checked_sub(1).and_then(|index| self.starts.get(index)) else { return "" };
-        let end = self.starts.get(line).map_or(self.text.len(), |&next| next as usize - 1);
-        let text = &self.text[start as usize..end];
+        let end = self.starts.get(line).map_or(self.text.as_ref().len(), |&next| next as usize - 1);
+        let text = &self.text.as_ref()[start as usize..end];
         text.strip_suffix('\r').unwrap_or(text)
     }
 }

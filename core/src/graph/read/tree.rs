@@ -109,7 +109,7 @@ pub(super) struct Reader<'a> {
     /// A fault was reported that has left no `Broken` yet.
     pub marked: bool,
     pub faults: Vec<Fault>,
-    pub lines: Option<Lines<'a>>,
+    pub lines: Option<Lines<&'a str>>,
     pub look_aheads: usize,
     /// Where the last text literal read begins.
     pub last_text: usize,

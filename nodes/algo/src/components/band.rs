@@ -113,7 +113,7 @@ pub(super) struct Extent {
 }
 
 impl Extent {
-    fn of_run([start, end]: Run, y: u32) -> Self {
+    pub(super) fn of_run([start, end]: Run, y: u32) -> Self {
         let (first, end_squared) = (u64::from(start), u64::from(end) * u64::from(end));
         let area = u64::from(end) - first;
         // The odd numbers below 2 n sum to n^2.

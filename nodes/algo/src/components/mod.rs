@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use crate::steps::Steps;
 use crate::view::{View, ViewMut};
 use crate::{Interrupted, Watch};
-use band::Band;
+use band::{Band, Extent};
 use runs::touching;
 use unions::Unions;
 
@@ -85,6 +85,28 @@ pub fn label(
         steps.step()
     })?;
     Ok(homes.par_iter().map(|home| bands[home.band].extents[home.part].component(x0, y0)).collect())
+}
+
+/// Describes the labels of a plane: each label but 0 with its component, labels rising.
+///
+/// `labels`: any plane of labels; pixels of one label are one component, connected or not; `x0`, `y0`: the top left pixel
+/// of the view, to which bounds and centroids refer.
+///
+/// Cost: linear in the pixels, one after the other.
+pub fn tabulate(labels: View<u32>, x0: i64, y0: i64) -> Vec<(u32, Component)> {
+    let mut extents: std::collections::BTreeMap<u32, Extent> = std::collections::BTreeMap::new();
+    for (y, row) in labels.rows().enumerate() {
+        let mut start = 0;
+        for run in row.chunk_by(|a, b| a == b) {
+            let end = start + run.len();
+            if run[0] != 0 {
+                let extent = Extent::of_run([start as u32, end as u32], y as u32);
+                extents.entry(run[0]).and_modify(|known| known.merge(&extent)).or_insert(extent);
+            }
+            start = end;
+        }
+    }
+    extents.into_iter().map(|(label, extent)| (label, extent.component(x0, y0))).collect()
 }
 
 /// Where the extent of a component is gathered: at the first of its parts.
