@@ -13,6 +13,7 @@ pub mod lattice;
 pub mod mask;
 pub mod poisson;
 mod steps;
+pub mod transfer;
 pub mod view;
 pub mod warp;
 

@@ -1,0 +1,209 @@
+//! From the bytes of an OpenEXR file to a picture.
+
+use std::sync::Arc;
+
+use half::f16;
+use half::slice::HalfFloatSliceExt;
+use rayon::prelude::*;
+use warploom_core::node::NodeError;
+use warploom_core::value::{BufferMut, Channel, Image, Layer, Metadata, Plane, SampleType};
+
+use super::super::{Reserve, plane_bytes, unreadable};
+use super::blocks::Blocks;
+use super::header::{self, Part};
+
+/// Bytes taken per byte of a block while it is unpacked: the copy, the result, and the decoder's own.
+const UNPACK_FACTOR: u128 = 4;
+
+/// Reads all parts, at full resolution.
+///
+/// Attributes that all parts share become the picture's, the others their layer's. Samples stay as they are, half
+/// as float; uint becomes `u32`.
+pub fn read(bytes: &[u8], reserve: Reserve) -> Result<Image, NodeError> {
+    let headers = header::read(bytes)?;
+    let mut tables = Vec::with_capacity(headers.parts.len());
+    let mut table_at = headers.end;
+    for (number, part) in headers.parts.iter().enumerate() {
+        let blocks = Blocks::of(part);
+        let needed = blocks.count[0] * blocks.count[1];
+        let entries = match headers.is_multi_part {
+            true => part.chunk_count.filter(|&count| count >= needed).ok_or_else(|| damaged("its chunkCount"))?,
+            false => needed,
+        };
+        let table = entries.checked_mul(8).and_then(|size| bytes.get(table_at..)?.get(..size)).ok_or_else(ends)?;
+        table_at += table.len();
+        let scratch = (blocks.max_bytes() as u128) * UNPACK_FACTOR * rayon::current_num_threads() as u128;
+        let planes = part.channels.len() as u128 * plane_bytes(part.data.width(), part.data.height());
+        reserve(planes + scratch)?;
+        tables.push((headers.is_multi_part.then_some(number), blocks, table));
+    }
+    let mut layers = Vec::with_capacity(headers.parts.len());
+    for (part, (number, blocks, table)) in headers.parts.iter().zip(&tables) {
+        let chunks = Chunks { bytes, table, number: *number, top: part.data.y0, is_tiled: part.tile.is_some() };
+        layers.push(layer(part, blocks, &chunks)?);
+    }
+    let metadata = take_shared(&mut layers);
+    let first = &headers.parts[0];
+    Ok(Image { display: first.display, pixel_aspect: first.pixel_aspect, metadata: Arc::new(metadata), layers })
+}
+
+fn damaged(what: &str) -> NodeError {
+    unreadable(format!("the file is damaged: {what} is wrong"))
+}
+
+fn ends() -> NodeError {
+    unreadable("the file ends early")
+}
+
+/// Takes the attributes that are the same in all layers out of them.
+fn take_shared(layers: &mut [Layer]) -> Metadata {
+    let mut shared = Metadata::clone(&layers[0].metadata);
+    shared.retain(|name, attribute| layers.iter().all(|layer| layer.metadata.get(name) == Some(attribute)));
+    for layer in layers {
+        Arc::make_mut(&mut layer.metadata).retain(|name, _| !shared.contains_key(name));
+    }
+    shared
+}
+
+/// Where the blocks of a part lie in a file.
+struct Chunks<'a> {
+    bytes: &'a [u8],
+    table: &'a [u8],
+    number: Option<usize>,
+    top: i32,
+    is_tiled: bool,
+}
+
+impl<'a> Chunks<'a> {
+    /// The packed bytes of the block in that column and row, the `index`th of the table. Before them stand the
+    /// part's number (in multi-part files), the block's place and its size.
+    fn packed(&self, index: usize, column: usize, row: usize, y: usize) -> Result<&'a [u8], NodeError> {
+        let entry = self.table[8 * index..][..8].try_into().map_err(|_| ends())?;
+        let start = usize::try_from(u64::from_le_bytes(entry)).map_err(|_| ends())?;
+        if start == 0 {
+            return Err(unreadable("the file was not written to its end: a block is missing"));
+        }
+        let place = match self.is_tiled {
+            true => vec![column as i32, row as i32, 0, 0],
+            false => vec![self.top + y as i32],
+        };
+        let expected = self.number.map(|number| number as i32).into_iter().chain(place);
+        let mut rest = self.bytes.get(start..).ok_or_else(ends)?;
+        let mut next = || -> Result<i32, NodeError> {
+            let (number, tail) = rest.split_first_chunk().ok_or_else(ends)?;
+            rest = tail;
+            Ok(i32::from_le_bytes(*number))
+        };
+        for expected in expected {
+            if next()? != expected {
+                return Err(damaged("the place of a block"));
+            }
+        }
+        let size = usize::try_from(next()?).map_err(|_| damaged("the size of a block"))?;
+        rest.get(..size).ok_or_else(ends)
+    }
+}
+
+/// Samples to write of a channel, whole rows from a row of blocks.
+enum Band<'a> {
+    Half(&'a mut [f32]),
+    Float(&'a mut [f32]),
+    Uint(&'a mut [u32]),
+}
+
+enum PlaneMut {
+    F32(BufferMut<f32>),
+    U32(BufferMut<u32>),
+}
+
+/// Unpacks a part, rows of blocks side by side.
+fn layer(part: &Part, blocks: &Blocks, chunks: &Chunks) -> Result<Layer, NodeError> {
+    let (width, height) = (part.data.width(), part.data.height());
+    let mut planes: Vec<PlaneMut> = Vec::with_capacity(part.channels.len());
+    for channel in &part.channels {
+        planes.push(match channel.sample_type {
+            SampleType::Uint => PlaneMut::U32(BufferMut::zeroed(width, height)),
+            _ => PlaneMut::F32(BufferMut::zeroed(width, height)),
+        });
+    }
+    let stride = width.next_multiple_of(16);
+    let mut rows: Vec<Vec<Band>> = (0..blocks.count[1]).map(|_| Vec::with_capacity(planes.len())).collect();
+    for (plane, channel) in planes.iter_mut().zip(&part.channels) {
+        let band = stride * blocks.size[1];
+        match plane {
+            PlaneMut::U32(plane) => {
+                let bands = plane.samples_mut().chunks_mut(band);
+                rows.iter_mut().zip(bands).for_each(|(row, band)| row.push(Band::Uint(band)));
+            }
+            PlaneMut::F32(plane) => {
+                let bands = plane.samples_mut().chunks_mut(band);
+                rows.iter_mut().zip(bands).for_each(|(row, band)| {
+                    row.push(if channel.sample_type == SampleType::Half { Band::Half(band) } else { Band::Float(band) })
+                });
+            }
+        }
+    }
+    let done: Vec<Result<(), NodeError>> = rows
+        .par_iter_mut()
+        .enumerate()
+        .map(|(row, bands)| {
+            (0..blocks.count[0]).try_for_each(|column| unpack(blocks, chunks, column, row, stride, bands))
+        })
+        .collect();
+    // The first error from the top, whichever thread met one first.
+    done.into_iter().collect::<Result<(), _>>()?;
+    let channels = planes.into_iter().zip(&part.channels).map(|(plane, channel)| Channel {
+        name: channel.name.as_str().into(),
+        sample_type: channel.sample_type,
+        plane: match plane {
+            PlaneMut::F32(plane) => Plane::F32(plane.freeze()),
+            PlaneMut::U32(plane) => Plane::U32(plane.freeze()),
+        },
+    });
+    Ok(Layer {
+        name: part.name.as_str().into(),
+        data: part.data,
+        channels: channels.collect(),
+        metadata: Arc::new(part.metadata.clone()),
+    })
+}
+
+/// Unpacks one block into the bands of its row.
+fn unpack(
+    blocks: &Blocks,
+    chunks: &Chunks,
+    column: usize,
+    row: usize,
+    stride: usize,
+    bands: &mut [Band],
+) -> Result<(), NodeError> {
+    let rectangle @ [x, y, width, height] = blocks.rectangle(column, row);
+    let packed = chunks.packed(row * blocks.count[0] + column, column, row, y)?;
+    let samples = blocks.unpack(packed, rectangle).map_err(|e| unreadable(format!("the file is damaged: {e}")))?;
+    let mut rest = &samples[..];
+    let mut halves = vec![f16::ZERO; width];
+    for line in 0..height {
+        let at = line * stride + x;
+        for band in &mut *bands {
+            let sample_bytes = if matches!(band, Band::Half(_)) { 2 } else { 4 };
+            let (stored, tail) = rest.split_at_checked(width * sample_bytes).ok_or_else(|| damaged("a block"))?;
+            rest = tail;
+            match band {
+                Band::Half(band) => {
+                    let words = stored.as_chunks().0.iter();
+                    halves.iter_mut().zip(words).for_each(|(half, &word)| *half = f16::from_ne_bytes(word));
+                    halves.convert_to_f32_slice(&mut band[at..at + width]);
+                }
+                Band::Float(band) => {
+                    let words = stored.as_chunks().0.iter();
+                    band[at..].iter_mut().zip(words).for_each(|(value, &word)| *value = f32::from_ne_bytes(word));
+                }
+                Band::Uint(band) => {
+                    let words = stored.as_chunks().0.iter();
+                    band[at..].iter_mut().zip(words).for_each(|(value, &word)| *value = u32::from_ne_bytes(word));
+                }
+            }
+        }
+    }
+    Ok(())
+}

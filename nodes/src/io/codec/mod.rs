@@ -1,0 +1,195 @@
+//! Image files to pictures and back, in memory.
+//!
+//! Nothing here knows paths or nodes. Whatever a file claims is checked, and reserved with the caller, before memory
+//! is taken for it; a decoder that panics is an unreadable file.
+
+mod color;
+mod exr;
+mod pixels;
+mod raster;
+mod tiff;
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use smart_default::SmartDefault;
+use warploom_core::node::{ErrorClass, NodeError};
+use warploom_core::value::{Channel, Image, Layer, Plane, SampleType, Value, Windows};
+
+/// Asked for so many bytes before they are allocated; an error refuses them.
+pub type Reserve<'a> = &'a dyn Fn(u128) -> Result<(), NodeError>;
+
+/// How colour is stored in a file. Alpha is linear in every encoding.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub enum Encoding {
+    /// `Srgb` where a file holds integers, `Linear` where it holds floats.
+    #[default]
+    Auto,
+    /// Scene-linear: no transfer function.
+    Linear,
+    /// The sRGB transfer function (IEC 61966-2-1).
+    Srgb,
+    /// Samples as they are: no transfer function, and straight alpha is not premultiplied nor the reverse.
+    Raw,
+}
+
+/// How a file stores samples.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub enum Depth {
+    /// As each channel was read, in the nearest type of the format that loses nothing. EXR: 8-bit samples as half,
+    /// 16-bit ones as float. TIFF: half as float. PNG: 8 bits for anything but 16-bit samples. JPEG: 8 bits.
+    #[default]
+    Auto,
+    /// 8-bit integers.
+    U8,
+    /// 16-bit integers.
+    U16,
+    /// 16-bit floats.
+    Half,
+    /// 32-bit floats.
+    Float,
+}
+
+/// How an EXR file is compressed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub enum Compression {
+    /// As the file that was read if that loses nothing, else `Zip`.
+    #[default]
+    Auto,
+    /// Not at all.
+    None,
+    /// Run lengths, lossless.
+    Rle,
+    /// Deflate line by line, lossless.
+    Zips,
+    /// Deflate by 16 lines, lossless.
+    Zip,
+    /// Wavelets by 32 lines, lossless; small for grainy plates.
+    Piz,
+    /// Deflate by 16 lines; floats are cut to 24 bits, all else is lossless.
+    Pxr24,
+    /// Half samples at a fixed lossy rate.
+    B44,
+    /// As `B44`, with flat areas smaller.
+    B44a,
+    /// Lossy cosine transform by 32 lines; small, for looking.
+    Dwaa,
+    /// Lossy cosine transform by 256 lines; small, for looking.
+    Dwab,
+}
+
+/// How a picture is to be written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, SmartDefault)]
+pub struct WriteOptions {
+    /// How colour is stored.
+    pub encoding: Encoding,
+    /// How samples are stored.
+    pub depth: Depth,
+    /// How an EXR is compressed.
+    pub compression: Compression,
+    /// Quality of a JPEG, 1..=100.
+    #[default(90)]
+    pub quality: u8,
+}
+
+/// Extensions of the formats that can be written.
+pub const EXTENSIONS: [&str; 7] = ["exr", "png", "jpg", "jpeg", "tif", "tiff", "hdr"];
+
+/// Longest side of a picture, px.
+pub(crate) const MAX_SIDE: usize = 65_536;
+
+/// The picture in the bytes of a file, whose format its first bytes tell.
+///
+/// The result is scene-linear and premultiplied, unless `encoding` is `Raw`. Messages name no path.
+pub fn decode(bytes: &[u8], encoding: Encoding, reserve: Reserve) -> Result<Image, NodeError> {
+    let decoded = catch_unwind(AssertUnwindSafe(|| match bytes {
+        [] => Err(unreadable("the file is empty")),
+        [0x76, 0x2f, 0x31, 0x01, ..] => exr::read(bytes, reserve).and_then(|i| color::decode(i, encoding, reserve)),
+        [0x89, b'P', b'N', b'G', ..] => raster::read_png(bytes, reserve)?.into_image(encoding, reserve),
+        [0xff, 0xd8, 0xff, ..] => raster::read_jpeg(bytes, reserve)?.into_image(encoding, reserve),
+        [b'#', b'?', ..] => raster::read_hdr(bytes, reserve)?.into_image(encoding, reserve),
+        [b'I', b'I', 42 | 43, 0, ..] | [b'M', b'M', 0, 42 | 43, ..] => {
+            tiff::read(bytes, reserve)?.into_image(encoding, reserve)
+        }
+        [_] | [_, _] | [_, _, _] => Err(unreadable("the file ends after less than 4 bytes")),
+        _ => Err(unsupported("the file is of no format that can be read")
+            .hint("EXR, PNG, JPEG, TIFF and Radiance HDR can be read")),
+    }));
+    decoded.unwrap_or_else(|_| Err(unreadable("the file is damaged: its decoder broke down")))
+}
+
+/// The bytes of a file of the format that `extension` (without the dot, in any case) names.
+///
+/// EXR keeps every layer, channel, window and attribute. The other formats hold the display window of the primary
+/// colour (`R`, `G`, `B`, or `Y`, of the first layer, and `A` where the format has alpha); everything else is left
+/// out, and pixels outside the data window are 0. Formats without alpha get the colour as seen over black.
+pub fn encode_image(
+    image: &Image,
+    extension: &str,
+    options: &WriteOptions,
+    reserve: Reserve,
+) -> Result<Vec<u8>, NodeError> {
+    let extension = extension.to_lowercase();
+    if extension == "exr" {
+        return exr::write(&color::encode(image, options.encoding, reserve)?, options, reserve);
+    }
+    if EXTENSIONS.contains(&&*extension) && options.compression != Compression::Auto {
+        let message = format!("{:?} compression is of EXR; .{extension} has none to choose", options.compression);
+        return Err(NodeError::refused(message).at("compression").hint("leave `compression` out"));
+    }
+    match &*extension {
+        "png" => raster::write_png(image, options, reserve),
+        "jpg" | "jpeg" => raster::write_jpeg(image, options, reserve),
+        "hdr" => raster::write_hdr(image, options, reserve),
+        "tif" | "tiff" => tiff::write(image, options, reserve),
+        _ => {
+            let known = EXTENSIONS.map(|extension| format!(".{extension}")).join(", ");
+            let what = if extension.is_empty() { "a path without extension".into() } else { format!(".{extension}") };
+            Err(NodeError::refused(format!("{what} names no image format; it is one of {known}")).at("path"))
+        }
+    }
+}
+
+/// A picture of a value that has pixels: a mask or field as channel `A`, float; labels as channel `id`, uint.
+pub fn as_image(value: &Value) -> Option<Image> {
+    let (windows, name, sample_type, plane) = match value {
+        Value::Image(image) => return Some((**image).clone()),
+        Value::Mask(mask) => (mask.0.windows, "A", SampleType::Float, Plane::F32(mask.0.samples.clone())),
+        Value::Field(field) => (field.0.windows, "A", SampleType::Float, Plane::F32(field.0.samples.clone())),
+        Value::Labels(labels) => {
+            (labels.raster.windows, "id", SampleType::Uint, Plane::U32(labels.raster.samples.clone()))
+        }
+        _ => return None,
+    };
+    let Windows { display, data, pixel_aspect } = windows;
+    let channels = vec![Channel { name: name.into(), sample_type, plane }];
+    let layers = vec![Layer { name: "".into(), data, channels, metadata: Arc::default() }];
+    Some(Image { display, pixel_aspect, metadata: Arc::default(), layers })
+}
+
+fn unreadable(message: impl Into<String>) -> NodeError {
+    NodeError::new(ErrorClass::InputUnreadable, message)
+}
+
+fn unsupported(message: impl Into<String>) -> NodeError {
+    NodeError::new(ErrorClass::InputUnsupported, message)
+}
+
+/// Bytes of a plane of 4-byte samples in rows of whole cache lines.
+fn plane_bytes(width: usize, height: usize) -> u128 {
+    width.next_multiple_of(16) as u128 * height as u128 * 4
+}
+
+/// Refuses sizes that no picture has.
+fn check_size(width: u64, height: u64) -> Result<(), NodeError> {
+    let sides = 1..=MAX_SIDE as u64;
+    if sides.contains(&width) && sides.contains(&height) {
+        return Ok(());
+    }
+    Err(unsupported(format!("the picture is {width} x {height} px; a side may be 1 to {MAX_SIDE} px long")))
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,269 @@
+//! Between interleaved samples, as most formats have them, and pictures.
+
+use rayon::prelude::*;
+use warploom_algo::transfer;
+use warploom_core::node::NodeError;
+use warploom_core::value::{Buffer, Channel, Image, Layer, Plane, Rect, SampleType};
+
+use super::color::fill;
+use super::{Depth, Encoding, MAX_SIDE, Reserve, plane_bytes};
+
+/// Interleaved samples, row by row.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Samples {
+    U8(Vec<u8>),
+    U16(Vec<u16>),
+    F32(Vec<f32>),
+}
+
+/// What the last sample of each pixel is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Alpha {
+    /// Colour like the others.
+    None,
+    /// Coverage; colour is not multiplied by it.
+    Straight,
+    /// Coverage; colour is multiplied by it, as stored.
+    Premultiplied,
+}
+
+/// A picture of 1 or 3 colour samples per pixel, and perhaps alpha.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Pixels {
+    pub width: usize,
+    pub height: usize,
+    pub alpha: Alpha,
+    pub samples: Samples,
+}
+
+impl Pixels {
+    fn len(&self) -> usize {
+        match &self.samples {
+            Samples::U8(samples) => samples.len(),
+            Samples::U16(samples) => samples.len(),
+            Samples::F32(samples) => samples.len(),
+        }
+    }
+
+    /// Samples per pixel.
+    pub fn samples_per_pixel(&self) -> usize {
+        self.len() / (self.width * self.height)
+    }
+
+    /// The picture, scene-linear and premultiplied unless `encoding` is `Raw`. Its channels are `R`, `G`, `B` or
+    /// `Y`, then `A`.
+    pub fn into_image(self, encoding: Encoding, reserve: Reserve) -> Result<Image, NodeError> {
+        let count = self.samples_per_pixel();
+        assert_eq!(count * self.width * self.height, self.len(), "{} x {} pixels", self.width, self.height);
+        reserve(count as u128 * plane_bytes(self.width, self.height))?;
+        let planes = match &self.samples {
+            Samples::U8(samples) => {
+                let (color, plain) = tables(u8::MAX.into(), encoding);
+                self.planes(samples, encoding, |c| color[usize::from(c)], |c| plain[usize::from(c)])
+            }
+            Samples::U16(samples) => {
+                let (color, plain) = tables(u16::MAX, encoding);
+                self.planes(samples, encoding, |c| color[usize::from(c)], |c| plain[usize::from(c)])
+            }
+            Samples::F32(samples) if encoding == Encoding::Srgb => {
+                self.planes(samples, encoding, transfer::srgb_to_linear, |v| v)
+            }
+            Samples::F32(samples) => self.planes(samples, encoding, |v| v, |v| v),
+        };
+        let sample_type = match &self.samples {
+            Samples::U8(_) => SampleType::U8,
+            Samples::U16(_) => SampleType::U16,
+            Samples::F32(_) => SampleType::Float,
+        };
+        let names = names(count, self.alpha != Alpha::None);
+        let channels = names.iter().zip(planes);
+        let channels = channels.map(|(&name, plane)| Channel { name: name.into(), sample_type, plane });
+        Ok(Image::new(Rect::at(0, 0, self.width, self.height), channels.collect()))
+    }
+
+    /// Colour planes by `color`, then alpha by `plain`. An encoding is one of straight colour.
+    fn planes<T: Copy + Sync>(
+        &self,
+        samples: &[T],
+        encoding: Encoding,
+        color: impl Fn(T) -> f32 + Sync,
+        plain: impl Fn(T) -> f32 + Sync,
+    ) -> Vec<Plane> {
+        let (width, height, count) = (self.width, self.height, self.samples_per_pixel());
+        let row_of = |y: usize, c: usize| samples[y * width * count..][..width * count].iter().skip(c).step_by(count);
+        let color_count = if self.alpha == Alpha::None { count } else { count - 1 };
+        let alpha: Option<Buffer<f32>> = (color_count < count).then(|| {
+            fill(width, height, |y, row| row.iter_mut().zip(row_of(y, color_count)).for_each(|(v, &s)| *v = plain(s)))
+        });
+        let stored_straight = self.alpha == Alpha::Straight;
+        let planes = (0..color_count).map(|c| {
+            fill(width, height, |y, row| {
+                let alpha = alpha.as_ref().filter(|_| encoding != Encoding::Raw).map(|alpha| alpha.row(y));
+                match alpha {
+                    Some(alpha) if !stored_straight => {
+                        // The table is of codes of straight colour, so the stored values go through a function.
+                        row.iter_mut().zip(row_of(y, c)).for_each(|(v, &s)| *v = plain(s));
+                        if self.is_encoded(encoding) {
+                            transfer::map_premultiplied(row, alpha, transfer::srgb_to_linear);
+                        }
+                    }
+                    alpha => {
+                        row.iter_mut().zip(row_of(y, c)).for_each(|(v, &s)| *v = color(s));
+                        if let Some(alpha) = alpha {
+                            transfer::premultiply(row, alpha);
+                        }
+                    }
+                }
+            })
+        });
+        planes.chain(alpha.clone()).map(Plane::F32).collect()
+    }
+
+    fn is_encoded(&self, encoding: Encoding) -> bool {
+        encoding == Encoding::Srgb || encoding == Encoding::Auto && !matches!(self.samples, Samples::F32(_))
+    }
+
+    /// The display window of a picture's primary colour, with alpha if `keep_alpha` and there is one; `depth` is
+    /// `U8`, `U16` or `Float`. Alpha is straight, unless `encoding` is `Raw`.
+    pub fn of_image(
+        image: &Image,
+        depth: Depth,
+        encoding: Encoding,
+        keep_alpha: bool,
+        reserve: Reserve,
+    ) -> Result<Self, NodeError> {
+        let (width, height) = (image.display.width(), image.display.height());
+        if width == 0 || height == 0 || width > MAX_SIDE || height > MAX_SIDE {
+            let message = format!("the display window is {width} x {height} px; a side may be 1 to {MAX_SIDE} px long");
+            return Err(NodeError::refused(message).at("image"));
+        }
+        let color = primary_color(image.primary())?;
+        let alpha = image.primary().channel("A").and_then(samples_of).filter(|_| keep_alpha);
+        let sample_bytes = match depth {
+            Depth::U8 => 1,
+            Depth::U16 => 2,
+            _ => 4,
+        };
+        let count = color.len() + usize::from(alpha.is_some());
+        reserve((width * height * count * sample_bytes) as u128)?;
+        let source = Source { image, color, alpha, straight: encoding != Encoding::Raw };
+        let encoded =
+            encoding == Encoding::Srgb || encoding == Encoding::Auto && matches!(depth, Depth::U8 | Depth::U16);
+        let samples = match depth {
+            Depth::U8 => Samples::U8(source.codes(u8::MAX.into(), encoded, |code| code as u8)),
+            Depth::U16 => Samples::U16(source.codes(u16::MAX, encoded, |code| code)),
+            _ if encoded => Samples::F32(source.interleave(transfer::linear_to_srgb, |v| v)),
+            _ => Samples::F32(source.interleave(|v| v, |v| v)),
+        };
+        let alpha = match (source.alpha, source.straight) {
+            (None, _) => Alpha::None,
+            (_, true) => Alpha::Straight,
+            (_, false) => Alpha::Premultiplied,
+        };
+        Ok(Self { width, height, alpha, samples })
+    }
+}
+
+/// What of a picture goes into a file of one colour per pixel.
+struct Source<'a> {
+    image: &'a Image,
+    color: Vec<&'a Buffer<f32>>,
+    alpha: Option<&'a Buffer<f32>>,
+    straight: bool,
+}
+
+impl Source<'_> {
+    fn codes<T: Copy + Default + Send>(&self, max: u16, encoded: bool, narrow: fn(u16) -> T) -> Vec<T> {
+        let plain = |value| narrow(transfer::code(value, max));
+        if !encoded {
+            return self.interleave(plain, plain);
+        }
+        let thresholds = transfer::srgb_thresholds(max);
+        self.interleave(|value| narrow(transfer::srgb_code(&thresholds, value)), plain)
+    }
+
+    fn interleave<T: Copy + Default + Send>(
+        &self,
+        color: impl Fn(f32) -> T + Sync,
+        plain: impl Fn(f32) -> T + Sync,
+    ) -> Vec<T> {
+        let (width, height) = (self.image.display.width(), self.image.display.height());
+        let count = self.color.len() + usize::from(self.alpha.is_some());
+        let mut samples = vec![T::default(); width * height * count];
+        samples.par_chunks_mut(width * count).enumerate().for_each(|(y, pixels)| {
+            let alpha = self.alpha.map(|alpha| self.display_row(alpha, y));
+            for (c, plane) in self.color.iter().enumerate() {
+                let mut row = self.display_row(plane, y);
+                if let Some(alpha) = alpha.as_ref().filter(|_| self.straight) {
+                    transfer::unpremultiply(&mut row, alpha);
+                }
+                pixels.iter_mut().skip(c).step_by(count).zip(row).for_each(|(sample, value)| *sample = color(value));
+            }
+            if let Some(alpha) = alpha {
+                let slots = pixels.iter_mut().skip(count - 1).step_by(count);
+                slots.zip(alpha).for_each(|(sample, value)| *sample = plain(value));
+            }
+        });
+        samples
+    }
+
+    /// Row `y` of the display window, 0 outside the data window.
+    fn display_row(&self, plane: &Buffer<f32>, y: usize) -> Vec<f32> {
+        let (display, data) = (self.image.display, self.image.primary().data);
+        let mut row = vec![0.0; display.width()];
+        let data_y = i64::from(display.y0) + y as i64 - i64::from(data.y0);
+        let (left, right) = (display.x0.max(data.x0), display.x1.min(data.x1));
+        if left < right && (0..plane.height() as i64).contains(&data_y) {
+            let from = &plane.row(data_y as usize)[(left - data.x0) as usize..(right - data.x0) as usize];
+            row[(left - display.x0) as usize..][..from.len()].copy_from_slice(from);
+        }
+        row
+    }
+}
+
+/// The planes that stand for a picture's colour.
+fn primary_color(layer: &Layer) -> Result<Vec<&Buffer<f32>>, NodeError> {
+    let all = |names: &[&str]| -> Option<Vec<_>> {
+        names.iter().map(|name| layer.channel(name).and_then(samples_of)).collect()
+    };
+    all(&["R", "G", "B"]).or_else(|| all(&["Y"])).ok_or_else(|| {
+        let names: Vec<&str> = layer.channels.iter().map(|channel| &*channel.name).collect();
+        let there = if names.is_empty() { "none".into() } else { names.join(", ") };
+        NodeError::refused(format!("this format needs channels R, G, B or Y of the first layer; there is {there}"))
+            .at("image")
+            .hint("write an .exr, which holds any channel")
+    })
+}
+
+fn samples_of(channel: &Channel) -> Option<&Buffer<f32>> {
+    match &channel.plane {
+        Plane::F32(plane) => Some(plane),
+        Plane::U32(_) => None,
+    }
+}
+
+fn names(count: usize, has_alpha: bool) -> &'static [&'static str] {
+    match (count, has_alpha) {
+        (1, _) => &["Y"],
+        (2, _) => &["Y", "A"],
+        (_, false) => &["R", "G", "B"],
+        (_, true) => &["R", "G", "B", "A"],
+    }
+}
+
+/// Values of the codes of colour, and of alpha.
+fn tables(max: u16, encoding: Encoding) -> (Vec<f32>, Vec<f32>) {
+    let plain = transfer::code_table(max);
+    match encoding {
+        Encoding::Auto | Encoding::Srgb => (transfer::srgb_table(max), plain),
+        Encoding::Linear | Encoding::Raw => (plain.clone(), plain),
+    }
+}
+
+/// The deepest way the picture's colour was stored.
+pub fn deepest(image: &Image) -> SampleType {
+    let colors = image.primary().channels.iter().filter(|channel| matches!(&*channel.name, "R" | "G" | "B" | "Y"));
+    let order = [SampleType::U8, SampleType::U16, SampleType::Half, SampleType::Float];
+    let rank = |sample_type| order.iter().position(|&other| other == sample_type).unwrap_or(0);
+    order[colors.map(|channel| rank(channel.sample_type)).max().unwrap_or(0)]
+}

@@ -1,0 +1,163 @@
+//! PNG, JPEG and Radiance HDR, by way of the image crate. Colour profiles and orientation tags are not looked at.
+
+use std::io::Cursor;
+
+use image::codecs::hdr::{HdrDecoder, HdrEncoder};
+use image::codecs::jpeg::{JpegDecoder, JpegEncoder};
+use image::codecs::png::{CompressionType, FilterType, PngDecoder, PngEncoder};
+use image::{DynamicImage, ImageBuffer, ImageDecoder, ImageError, Limits};
+use warploom_core::node::{ErrorClass, NodeError};
+use warploom_core::value::{Image, SampleType};
+
+use super::pixels::{Alpha, Pixels, Samples, deepest};
+use super::{Depth, Reserve, WriteOptions, check_size, unreadable, unsupported};
+
+/// Room for what a decoder keeps beside the pixels: rows, tables, texts.
+const SCRATCH: u64 = 16 << 20;
+
+/// Reads a PNG: 8 or 16 bits, alpha straight; palettes and less than 8 bits become 8 bits.
+pub fn read_png(bytes: &[u8], reserve: Reserve) -> Result<Pixels, NodeError> {
+    let mut limits = Limits::no_limits();
+    limits.max_alloc = Some(SCRATCH);
+    read(PngDecoder::with_limits(Cursor::new(bytes), limits).map_err(image_error)?, 1, reserve)
+}
+
+/// Reads a JPEG: 8 bits.
+pub fn read_jpeg(bytes: &[u8], reserve: Reserve) -> Result<Pixels, NodeError> {
+    if !is_whole_jpeg(bytes) {
+        return Err(unreadable("the file ends early"));
+    }
+    // The decoder copies the file, and keeps all coefficients of a progressive one in 16 bits.
+    reserve(bytes.len() as u128)?;
+    read(JpegDecoder::new(Cursor::new(bytes)).map_err(image_error)?, 4, reserve)
+}
+
+/// Whether the end marker follows the start of the first scan; the decoder would fill up what is missing with grey.
+fn is_whole_jpeg(bytes: &[u8]) -> bool {
+    let mut rest = bytes.get(2..).unwrap_or_default();
+    while let [0xff, marker, high, low, ..] = *rest {
+        if marker == 0xda {
+            return rest.windows(2).any(|pair| pair == [0xff, 0xd9]);
+        }
+        let skip = if marker == 0xff { 1 } else { 2 + usize::from(u16::from_be_bytes([high, low])) };
+        rest = rest.get(skip..).unwrap_or_default();
+    }
+    false
+}
+
+/// Reads a Radiance HDR: floats with a shared exponent.
+pub fn read_hdr(bytes: &[u8], reserve: Reserve) -> Result<Pixels, NodeError> {
+    let strict = bytes.starts_with(b"#?RADIANCE");
+    read(HdrDecoder::with_strictness(Cursor::new(bytes), strict).map_err(image_error)?, 1, reserve)
+}
+
+/// Reads what `decoder` finds; it takes `factor` times the pixels' bytes while at work.
+fn read(decoder: impl ImageDecoder, factor: u128, reserve: Reserve) -> Result<Pixels, NodeError> {
+    let (width, height) = decoder.dimensions();
+    check_size(width.into(), height.into())?;
+    reserve(u128::from(decoder.total_bytes()) * factor)?;
+    let has_alpha = decoder.color_type().has_alpha();
+    let samples = match DynamicImage::from_decoder(decoder).map_err(image_error)? {
+        DynamicImage::ImageLuma8(pixels) => Samples::U8(pixels.into_raw()),
+        DynamicImage::ImageLumaA8(pixels) => Samples::U8(pixels.into_raw()),
+        DynamicImage::ImageRgb8(pixels) => Samples::U8(pixels.into_raw()),
+        DynamicImage::ImageRgba8(pixels) => Samples::U8(pixels.into_raw()),
+        DynamicImage::ImageLuma16(pixels) => Samples::U16(pixels.into_raw()),
+        DynamicImage::ImageLumaA16(pixels) => Samples::U16(pixels.into_raw()),
+        DynamicImage::ImageRgb16(pixels) => Samples::U16(pixels.into_raw()),
+        DynamicImage::ImageRgba16(pixels) => Samples::U16(pixels.into_raw()),
+        DynamicImage::ImageRgb32F(pixels) => Samples::F32(pixels.into_raw()),
+        DynamicImage::ImageRgba32F(pixels) => Samples::F32(pixels.into_raw()),
+        other => return Err(unsupported(format!("pixels of type {:?} cannot be read", other.color()))),
+    };
+    let alpha = if has_alpha { Alpha::Straight } else { Alpha::None };
+    Ok(Pixels { width: width as usize, height: height as usize, alpha, samples })
+}
+
+/// Writes a PNG of 8 or 16 bits, alpha straight.
+pub fn write_png(image: &Image, options: &WriteOptions, reserve: Reserve) -> Result<Vec<u8>, NodeError> {
+    let depth = match (options.depth, deepest(image)) {
+        (Depth::Auto, SampleType::U16) => Depth::U16,
+        (Depth::Auto, _) => Depth::U8,
+        (depth @ (Depth::U8 | Depth::U16), _) => depth,
+        (depth, _) => return Err(no_such_depth(depth, "PNG", "U8 or U16")),
+    };
+    let pixels = Pixels::of_image(image, depth, options.encoding, true, reserve)?;
+    write(pixels, reserve, |image, out| {
+        image.write_with_encoder(PngEncoder::new_with_quality(out, CompressionType::Default, FilterType::Adaptive))
+    })
+}
+
+/// Writes a JPEG of 8 bits.
+pub fn write_jpeg(image: &Image, options: &WriteOptions, reserve: Reserve) -> Result<Vec<u8>, NodeError> {
+    if !matches!(options.depth, Depth::Auto | Depth::U8) {
+        return Err(no_such_depth(options.depth, "JPEG", "U8"));
+    }
+    let pixels = Pixels::of_image(image, Depth::U8, options.encoding, false, reserve)?;
+    write(pixels, reserve, |image, out| {
+        image.write_with_encoder(JpegEncoder::new_with_quality(out, options.quality.clamp(1, 100)))
+    })
+}
+
+/// Writes a Radiance HDR; grey becomes three equal colours.
+pub fn write_hdr(image: &Image, options: &WriteOptions, reserve: Reserve) -> Result<Vec<u8>, NodeError> {
+    if !matches!(options.depth, Depth::Auto | Depth::Float) {
+        return Err(no_such_depth(options.depth, "Radiance HDR", "Float"));
+    }
+    let mut pixels = Pixels::of_image(image, Depth::Float, options.encoding, false, reserve)?;
+    if let (1, Samples::F32(samples)) = (pixels.samples_per_pixel(), &mut pixels.samples) {
+        reserve(3 * size_of_val(samples.as_slice()) as u128)?;
+        *samples = samples.iter().flat_map(|&y| [y; 3]).collect();
+    }
+    write(pixels, reserve, |image, out| image.write_with_encoder(HdrEncoder::new(out)))
+}
+
+fn write(
+    pixels: Pixels,
+    reserve: Reserve,
+    encode: impl FnOnce(DynamicImage, Cursor<&mut Vec<u8>>) -> Result<(), ImageError>,
+) -> Result<Vec<u8>, NodeError> {
+    let image = dynamic(pixels);
+    let room = image.as_bytes().len() + (1 << 20);
+    reserve(room as u128)?;
+    let mut bytes = Vec::new();
+    encode(image, Cursor::new(&mut bytes)).map_err(|e| NodeError::refused(format!("cannot be encoded: {e}")))?;
+    Ok(bytes)
+}
+
+fn dynamic(pixels: Pixels) -> DynamicImage {
+    let (width, height) = (pixels.width as u32, pixels.height as u32);
+    let count = pixels.samples_per_pixel();
+    macro_rules! of {
+        ($variant:ident, $samples:expr) => {
+            ImageBuffer::from_raw(width, height, $samples).map(DynamicImage::$variant)
+        };
+    }
+    let image = match (pixels.samples, count) {
+        (Samples::U8(samples), 1) => of!(ImageLuma8, samples),
+        (Samples::U8(samples), 2) => of!(ImageLumaA8, samples),
+        (Samples::U8(samples), 3) => of!(ImageRgb8, samples),
+        (Samples::U8(samples), _) => of!(ImageRgba8, samples),
+        (Samples::U16(samples), 1) => of!(ImageLuma16, samples),
+        (Samples::U16(samples), 2) => of!(ImageLumaA16, samples),
+        (Samples::U16(samples), 3) => of!(ImageRgb16, samples),
+        (Samples::U16(samples), _) => of!(ImageRgba16, samples),
+        (Samples::F32(samples), _) => of!(ImageRgb32F, samples),
+    };
+    image.expect("a sample count that fits the size")
+}
+
+/// A format has no such depth.
+pub fn no_such_depth(depth: Depth, format: &str, allowed: &str) -> NodeError {
+    NodeError::refused(format!("{format} has no depth {depth:?}; it may be Auto, {allowed}")).at("depth")
+}
+
+fn image_error(error: ImageError) -> NodeError {
+    let message = error.to_string().replace('\n', " ");
+    match error {
+        ImageError::Unsupported(_) => unsupported(message),
+        ImageError::Limits(_) => NodeError::new(ErrorClass::OverBudget, message),
+        ImageError::IoError(e) if e.kind() == std::io::ErrorKind::UnexpectedEof => unreadable("the file ends early"),
+        _ => unreadable(format!("the file is damaged: {message}")),
+    }
+}

@@ -1,0 +1,142 @@
+//! TIFF, by way of the tiff crate: it tells how alpha is associated, and has grey floats.
+
+use std::io::Cursor;
+
+use tiff::ColorType;
+use tiff::TiffError;
+use tiff::decoder::{Decoder, DecodingResult, Limits};
+use tiff::encoder::{TiffEncoder, TiffValue, colortype};
+use tiff::tags::{ExtraSamples, PhotometricInterpretation, SampleFormat, Tag};
+use warploom_core::node::{ErrorClass, NodeError};
+use warploom_core::value::{Image, SampleType};
+
+use super::pixels::{Alpha, Pixels, Samples, deepest};
+use super::raster::no_such_depth;
+use super::{Depth, Reserve, WriteOptions, check_size, unreadable, unsupported};
+
+/// Reads the first picture of a TIFF: grey or RGB, with alpha or without, 8 or 16 bits or float.
+pub fn read(bytes: &[u8], reserve: Reserve) -> Result<Pixels, NodeError> {
+    let mut decoder = Decoder::new(Cursor::new(bytes)).map_err(tiff_error)?;
+    let (width, height) = decoder.dimensions().map_err(tiff_error)?;
+    check_size(width.into(), height.into())?;
+    let (count, bits) = layout(&mut decoder)?;
+    let alpha = match (count, decoder.find_tag_unsigned_vec::<u16>(Tag::ExtraSamples).map_err(tiff_error)?) {
+        (1 | 3, _) => Alpha::None,
+        (_, Some(extra)) if extra.first() == Some(&ExtraSamples::AssociatedAlpha.to_u16()) => Alpha::Premultiplied,
+        _ => Alpha::Straight,
+    };
+    let pixel_bytes = width as usize * height as usize * count * usize::from(bits / 8);
+    // Beside the pixels the decoder holds one strip or tile, which may be as large as the picture.
+    reserve(2 * pixel_bytes as u128 + (1 << 20))?;
+    let mut limits = Limits::default();
+    limits.decoding_buffer_size = pixel_bytes;
+    limits.intermediate_buffer_size = pixel_bytes + (1 << 20);
+    let mut decoder = decoder.with_limits(limits);
+    let mut result = DecodingResult::U8(Vec::new());
+    let read = decoder.read_image_to_buffer(&mut result).map_err(tiff_error)?;
+    let planar = read.planes > 1;
+    let samples = match result {
+        DecodingResult::U8(samples) => Samples::U8(interleaved(samples, planar, count, reserve)?),
+        DecodingResult::U16(samples) => Samples::U16(interleaved(samples, planar, count, reserve)?),
+        DecodingResult::F32(samples) => Samples::F32(interleaved(samples, planar, count, reserve)?),
+        _ => return Err(unsupported(format!("TIFF samples of {bits} bits of this sort cannot be read"))),
+    };
+    let pixels = Pixels { width: width as usize, height: height as usize, alpha, samples };
+    match pixels.samples_per_pixel() == count {
+        true => Ok(pixels),
+        false => Err(unreadable("the file is damaged: it holds fewer samples than it says")),
+    }
+}
+
+/// Samples per pixel and bits per sample.
+fn layout(decoder: &mut Decoder<Cursor<&[u8]>>) -> Result<(usize, u8), NodeError> {
+    let color = decoder.colortype().map_err(tiff_error)?;
+    let formats = decoder.find_tag_unsigned_vec::<u16>(Tag::SampleFormat).map_err(tiff_error)?;
+    let is_float = formats.and_then(|formats| formats.first().copied()) == Some(SampleFormat::IEEEFP.to_u16());
+    let white_is_zero = decoder.find_tag_unsigned::<u16>(Tag::PhotometricInterpretation).map_err(tiff_error)?
+        == Some(PhotometricInterpretation::WhiteIsZero.to_u16());
+    let (count, bits) = match color {
+        ColorType::Gray(bits) => (1, bits),
+        ColorType::Multiband { bit_depth, num_samples: 2 } if !white_is_zero => (2, bit_depth),
+        ColorType::RGB(bits) => (3, bits),
+        ColorType::RGBA(bits) => (4, bits),
+        other => {
+            return Err(unsupported(format!("TIFF pixels of type {other:?} cannot be read"))
+                .hint("convert it to RGB: oiiotool in.tif --ch R,G,B -o out.tif"));
+        }
+    };
+    match (bits, is_float) {
+        (8 | 16, false) | (32, true) => Ok((count, bits)),
+        _ => {
+            let sort = if is_float { "float" } else { "integer" };
+            Err(unsupported(format!("TIFF samples of {bits} bits ({sort}) cannot be read"))
+                .hint("8 and 16 bit integers and 32 bit floats can: oiiotool in.tif -d float -o out.tif"))
+        }
+    }
+}
+
+/// Pixel by pixel, from plane by plane.
+fn interleaved<T: Copy>(samples: Vec<T>, planar: bool, count: usize, reserve: Reserve) -> Result<Vec<T>, NodeError> {
+    if !planar {
+        return Ok(samples);
+    }
+    reserve(size_of_val(samples.as_slice()) as u128)?;
+    let plane = samples.len() / count;
+    Ok((0..plane).flat_map(|i| (0..count).map(move |c| (i, c))).map(|(i, c)| samples[c * plane + i]).collect())
+}
+
+/// Writes a TIFF without compression; alpha is marked as straight, or as premultiplied where samples are `Raw`.
+pub fn write(image: &Image, options: &WriteOptions, reserve: Reserve) -> Result<Vec<u8>, NodeError> {
+    let depth = match (options.depth, deepest(image)) {
+        (Depth::Auto, SampleType::U8) => Depth::U8,
+        (Depth::Auto, SampleType::U16) => Depth::U16,
+        (Depth::Auto, _) => Depth::Float,
+        (Depth::Half, _) => return Err(no_such_depth(options.depth, "TIFF", "U8, U16 or Float")),
+        (depth, _) => depth,
+    };
+    let pixels = Pixels::of_image(image, depth, options.encoding, true, reserve)?;
+    let is_grey = pixels.samples_per_pixel() < 3;
+    let written = match (&pixels.samples, is_grey) {
+        (Samples::U8(samples), true) => encode::<colortype::Gray8>(&pixels, samples, reserve),
+        (Samples::U8(samples), false) => encode::<colortype::RGB8>(&pixels, samples, reserve),
+        (Samples::U16(samples), true) => encode::<colortype::Gray16>(&pixels, samples, reserve),
+        (Samples::U16(samples), false) => encode::<colortype::RGB16>(&pixels, samples, reserve),
+        (Samples::F32(samples), true) => encode::<colortype::Gray32Float>(&pixels, samples, reserve),
+        (Samples::F32(samples), false) => encode::<colortype::RGB32Float>(&pixels, samples, reserve),
+    }?;
+    written.map_err(|e| NodeError::refused(format!("cannot be encoded: {e}")))
+}
+
+fn encode<C: colortype::ColorType>(
+    pixels: &Pixels,
+    samples: &[C::Inner],
+    reserve: Reserve,
+) -> Result<Result<Vec<u8>, TiffError>, NodeError>
+where
+    [C::Inner]: TiffValue,
+{
+    reserve(size_of_val(samples) as u128 + (1 << 20))?;
+    let mut bytes = Cursor::new(Vec::new());
+    let mut write = || {
+        let mut encoder = TiffEncoder::new(&mut bytes)?;
+        let mut picture = encoder.new_image::<C>(pixels.width as u32, pixels.height as u32)?;
+        match pixels.alpha {
+            Alpha::None => {}
+            Alpha::Straight => picture.extra_samples(&[ExtraSamples::UnassociatedAlpha])?,
+            Alpha::Premultiplied => picture.extra_samples(&[ExtraSamples::AssociatedAlpha])?,
+        }
+        picture.write_data(samples)
+    };
+    let written = write();
+    Ok(written.map(|()| bytes.into_inner()))
+}
+
+fn tiff_error(error: TiffError) -> NodeError {
+    let message = error.to_string().replace('\n', " ");
+    match error {
+        TiffError::UnsupportedError(_) => unsupported(message),
+        TiffError::LimitsExceeded => NodeError::new(ErrorClass::OverBudget, "more memory is needed than it declares"),
+        TiffError::IoError(e) if e.kind() == std::io::ErrorKind::UnexpectedEof => unreadable("the file ends early"),
+        _ => unreadable(format!("the file is damaged: {message}")),
+    }
+}

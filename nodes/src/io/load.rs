@@ -1,0 +1,36 @@
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use smart_default::SmartDefault;
+use warploom_core::node::{Context, Node, NodeError, Output, Outputs, ReadPath};
+use warploom_core::value::Kind;
+
+use super::codec::{self, Encoding};
+
+/// Reads a picture: EXR, PNG, JPEG, TIFF or Radiance HDR, by the content of the file.
+///
+/// The result is scene-linear and premultiplied. An EXR keeps all its layers, channels, windows and attributes; of a
+/// mip map the full resolution is read. Other files give one layer with channels `R`, `G`, `B` or `Y`, and `A`.
+#[derive(Clone, Serialize, Deserialize, JsonSchema, SmartDefault)]
+#[serde(default, deny_unknown_fields)]
+pub struct Load {
+    /// The file; `####` stands for the frame.
+    pub path: ReadPath,
+    /// How colour is stored in the file. In an EXR it applies to `R`, `G`, `B` and `Y` of the first layer.
+    pub encoding: Encoding,
+}
+
+impl Node for Load {
+    const VERSION: u32 = 1;
+    const OUTPUTS: &'static [Output] = &[Output::new("image", Kind::Image)];
+    // The decoders of JPEG and DWA choose instructions by the processor.
+    const CPU_FAMILY: bool = true;
+
+    fn compute(&self, cx: &Context) -> Result<Outputs, NodeError> {
+        let bytes = cx.read(&self.path)?;
+        let image = codec::decode(&bytes, self.encoding, &|bytes| cx.reserve(bytes)).map_err(|error| {
+            let message = format!("{}: {}", self.path.path().display(), error.message);
+            NodeError { message, ..error }.at("path")
+        })?;
+        Ok(image.into())
+    }
+}

@@ -1,0 +1,50 @@
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use smart_default::SmartDefault;
+use warploom_core::node::{Context, In, Node, NodeError, Output, Outputs, WritePath};
+use warploom_core::value::Image;
+
+use super::codec::{self, Compression, Depth, Encoding, WriteOptions};
+
+/// Writes a picture in the format that the extension names: exr, png, jpg, jpeg, tif, tiff, hdr.
+///
+/// EXR keeps every layer, channel, window and attribute. The others hold the display window of the first layer's
+/// `R`, `G`, `B` (or `Y`), and straight `A` where the format has alpha; what else there is is left out, and pixels
+/// outside the data window are 0. JPEG and HDR have no alpha: they get the colour as seen over black. The same
+/// picture gives the same bytes.
+#[derive(Clone, Serialize, Deserialize, JsonSchema, SmartDefault)]
+#[serde(default, deny_unknown_fields)]
+pub struct Save {
+    /// The picture.
+    pub image: In<Image>,
+    /// The file; `####` stands for the frame.
+    pub path: WritePath,
+    /// How colour is stored. In an EXR it applies to `R`, `G`, `B` and `Y` of the first layer.
+    pub encoding: Encoding,
+    /// How samples are stored. Channels of identities (uint) stay so.
+    pub depth: Depth,
+    /// How an EXR is compressed; other formats leave no choice.
+    pub compression: Compression,
+    /// Quality of a JPEG.
+    #[default(90)]
+    #[schemars(range(min = 1, max = 100))]
+    pub quality: u8,
+}
+
+impl Node for Save {
+    const VERSION: u32 = 1;
+    const OUTPUTS: &'static [Output] = &[];
+    const SINK: bool = true;
+    // The encoder of DWA chooses instructions by the processor.
+    const CPU_FAMILY: bool = true;
+
+    fn compute(&self, cx: &Context) -> Result<Outputs, NodeError> {
+        let Self { encoding, depth, compression, quality, .. } = *self;
+        let options = WriteOptions { encoding, depth, compression, quality };
+        let extension = self.path.path().extension().unwrap_or_default().to_string_lossy();
+        let image = cx.get(&self.image);
+        let bytes = codec::encode_image(&image, &extension, &options, &|bytes| cx.reserve(bytes))?;
+        cx.write(&self.path, &bytes)?;
+        Ok(Outputs::default())
+    }
+}
