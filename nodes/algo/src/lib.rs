@@ -5,6 +5,8 @@
 //! on the caller's thread pool; results do not depend on its size.
 
 pub mod lattice;
+pub mod rect;
+pub mod resample;
 pub mod view;
 
 /// A long computation was told to stop; nothing it wrote may be used.
