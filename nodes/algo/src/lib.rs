@@ -12,6 +12,8 @@ pub mod feature;
 pub mod lattice;
 pub mod mask;
 pub mod poisson;
+pub mod rect;
+pub mod resample;
 mod steps;
 pub mod transfer;
 pub mod view;

@@ -1,0 +1,79 @@
+//! The destination window that a picture drawn through a warp can touch.
+
+use super::cell::Shape;
+use super::net::{Net, Place};
+use super::spans::Point;
+use super::{Filter, Map};
+use crate::rect::Rect;
+use rayon::prelude::*;
+
+/// The destination pixels that a picture drawn through a warp with [`Edge::Transparent`](super::Edge) can touch.
+///
+/// The pixels whose centre lies in the bounding box of the image of `source_window` grown by the filter's reach: of the
+/// corners of all cells, those at the border cut to the grown window, uncut where they fold.
+///
+/// - `map`: the warp.
+/// - `source_window`, `filter`: as for [`draw`](super::draw).
+/// - `limit`: the result is clipped to it, so that a wild warp does not ask for an absurd size.
+///
+/// A backward map has no closed form: `None`; callers use the display window. Positions that are not finite are
+/// left out; an empty source window gives an empty rectangle.
+///
+/// Cost: linear in the nodes.
+pub fn bounds(map: &Map, source_window: Rect, filter: Filter, limit: Rect) -> Option<Rect> {
+    let Map::Forward { lattice, positions } = *map else { return None };
+    let net = Net::new(lattice, positions);
+    if source_window.is_empty() {
+        return Some(Rect::new(limit.x0, limit.y0, limit.x0, limit.y0));
+    }
+    let clip = filter.clip(&source_window);
+    let ends = [0, 1].map(|axis| [clip.low, clip.high].map(|end| net.place(axis, end[axis])));
+    let [columns, rows] = [0, 1].map(|axis| {
+        let rest = |node: usize| lattice.origin[axis] + node as f64 * lattice.spacing[axis];
+        let nodes = (0..lattice.nodes[axis]).filter(|&node| (clip.low[axis]..clip.high[axis]).contains(&rest(node)));
+        nodes.map(Place::at_node).chain(ends[axis]).collect::<Vec<_>>()
+    });
+    let hulls = rows
+        .par_iter()
+        .map(|&row| columns.iter().fold(Hull::EMPTY, |hull, &column| hull.with(net.position(column, row))));
+    let hull = hulls.reduce(|| Hull::EMPTY, Hull::and);
+    let hull = border_cells(ends).map(|cell| net.corners(cell)).fold(hull, |hull, corners| {
+        if matches!(Shape::of(&corners), Shape::Folded { .. }) {
+            corners.into_iter().fold(hull, Hull::with)
+        } else {
+            hull
+        }
+    });
+    // The first pixel whose centre is not before the coordinate; casts saturate.
+    let [low, high] = [hull.low, hull.high].map(|corner| corner.map(|at| (at - 0.5).ceil() as i64));
+    Some(Rect::new(low[0], low[1], high[0], high[1]).intersect(&limit))
+}
+
+/// The lattice's cells [column, row] along the border of the rectangle between two places along each axis.
+fn border_cells(ends: [[Place; 2]; 2]) -> impl Iterator<Item = [usize; 2]> {
+    let [[left, right], [top, bottom]] = ends.map(|ends| ends.map(|end| end.node.min(end.next)));
+    let across = [top, bottom].into_iter().flat_map(move |row| (left..=right).map(move |column| [column, row]));
+    across.chain([left, right].into_iter().flat_map(move |column| (top..=bottom).map(move |row| [column, row])))
+}
+
+/// The bounding box of finite points.
+#[derive(Clone, Copy, Debug)]
+struct Hull {
+    low: Point,
+    high: Point,
+}
+
+impl Hull {
+    const EMPTY: Self = Self { low: [f64::INFINITY; 2], high: [f64::NEG_INFINITY; 2] };
+
+    fn with(self, point: Point) -> Self {
+        if point.iter().all(|at| at.is_finite()) { self.and(Self { low: point, high: point }) } else { self }
+    }
+
+    fn and(self, other: Self) -> Self {
+        Self {
+            low: [0, 1].map(|axis| self.low[axis].min(other.low[axis])),
+            high: [0, 1].map(|axis| self.high[axis].max(other.high[axis])),
+        }
+    }
+}

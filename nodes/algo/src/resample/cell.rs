@@ -1,0 +1,216 @@
+//! One cell's map from the picture back to the cell.
+
+use super::spans::{Point, turn};
+
+/// A cell's corners in the destination: those of (u, v) = (0, 0), (1, 0), (1, 1), (0, 1).
+pub(super) type Corners = [Point; 4];
+
+/// How a cell lies in the destination.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Shape {
+    /// Strictly convex, so that its bilinear map is one-to-one. `mirrored`: it runs against the clock.
+    Convex { mirrored: bool },
+    /// A corner's Jacobian is zero or differs in sign; `split`: the corner at which the diagonal starts that cuts
+    /// the cell in two triangles. They lie the same way round if any diagonal can have that.
+    Folded { split: usize },
+}
+
+impl Shape {
+    /// Decided exactly.
+    pub fn of(corners: &Corners) -> Self {
+        let turns: [f64; 4] = std::array::from_fn(|i| turn(corners[(i + 3) % 4], corners[i], corners[(i + 1) % 4]));
+        let alike = |a: f64, b: f64| (a > 0.0 && b > 0.0) || (a < 0.0 && b < 0.0);
+        if alike(turns[0], turns[1]) && alike(turns[1], turns[2]) && alike(turns[2], turns[3]) {
+            return Self::Convex { mirrored: turns[0] < 0.0 };
+        }
+        // The triangles beside the diagonal from corner 0 turn at corners 1 and 3.
+        Self::Folded { split: if !alike(turns[1], turns[3]) && alike(turns[0], turns[2]) { 1 } else { 0 } }
+    }
+}
+
+fn cross(a: Point, b: Point) -> f64 {
+    a[0] * b[1] - a[1] * b[0]
+}
+
+fn minus(a: Point, b: Point) -> Point {
+    [a[0] - b[0], a[1] - b[1]]
+}
+
+/// The inverse of a strictly convex cell's bilinear map `p(u, v) = p0 + u e + v f + u v g`.
+///
+/// With h = p - p0, eliminating u or v leaves a quadratic in the other; both have the discriminant J^2, where
+/// J = e x f + u e x g + v g x f is the Jacobian at the solution. Written as
+/// `u = 2 h x f / (e x f - h x g + J)` and `v = 2 e x h / (e x f + h x g + J)` the denominators are twice the
+/// Jacobians at (0, v) and (u, 0), which do not vanish in a strictly convex cell, and g = 0 is no special case.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct InverseBilinear {
+    origin: Point,
+    e: Point,
+    f: Point,
+    g: Point,
+    ef: f64,
+    four_gf: f64,
+    sign: f64,
+    /// Whether rounding may cost more than a few thousand units in the last place, see [`Self::EVEN`].
+    polish: bool,
+}
+
+impl InverseBilinear {
+    /// Where the corners' Jacobians differ by no more than this factor the discriminant keeps all but its last
+    /// digits, and no Newton step is needed.
+    const EVEN: f64 = 16.0;
+
+    pub fn new(&[p00, p10, p11, p01]: &Corners, mirrored: bool) -> Self {
+        let (e, f) = (minus(p10, p00), minus(p01, p00));
+        let g = minus(minus(p11, p01), e);
+        let sign = if mirrored { -1.0 } else { 1.0 };
+        let (ef, eg, gf) = (cross(e, f), cross(e, g), cross(g, f));
+        let jacobians = [ef, ef + eg, ef + gf, ef + eg + gf].map(|jacobian| sign * jacobian);
+        let least = jacobians.into_iter().fold(f64::INFINITY, f64::min);
+        let polish = jacobians.into_iter().any(|jacobian| jacobian > Self::EVEN * least);
+        Self { origin: p00, e, f, g, ef, four_gf: 4.0 * gf, sign, polish }
+    }
+
+    /// (u, v) of a point of the cell, within 0..=1.
+    #[inline(always)]
+    pub fn at(&self, p: Point) -> [f64; 2] {
+        let [u, v] = self.root(p);
+        if self.polish { self.polished(p, [u, v]) } else { [unit(u), unit(v)] }
+    }
+
+    /// The root of the quadratics.
+    #[inline(always)]
+    fn root(&self, p: Point) -> [f64; 2] {
+        let h = minus(p, self.origin);
+        let (hf, eh, hg) = (cross(h, self.f), cross(self.e, h), cross(h, self.g));
+        let b = self.ef + hg;
+        let square = b * b + self.four_gf * eh;
+        let jacobian = self.sign * if square > 0.0 { square.sqrt() } else { 0.0 };
+        let (below_u, below_v) = (self.ef - hg + jacobian, b + jacobian);
+        let scale = 2.0 / (below_u * below_v);
+        [hf * below_v * scale, eh * below_u * scale]
+    }
+
+    /// One Newton step, which takes back what rounding cost.
+    fn polished(&self, p: Point, [u, v]: Point) -> [f64; 2] {
+        let (u, v) = (unit(u), unit(v));
+        let Self { e, f, g, .. } = *self;
+        let h = minus(p, self.origin);
+        let (along_u, along_v) = ([e[0] + v * g[0], e[1] + v * g[1]], [f[0] + u * g[0], f[1] + u * g[1]]);
+        let rest = [h[0] - u * along_u[0] - v * f[0], h[1] - u * along_u[1] - v * f[1]];
+        let jacobian = cross(along_u, along_v);
+        let [du, dv] = [cross(rest, along_v) / jacobian, cross(along_u, rest) / jacobian];
+        // Where the Jacobian rounds to zero the step is not finite.
+        if (du + dv).is_finite() { [unit(u + du), unit(v + dv)] } else { [u, v] }
+    }
+}
+
+/// The inverse of the affine map of a triangle: `p(u, v) = p0 + u e + v f`.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct InverseAffine {
+    origin: Point,
+    e: Point,
+    f: Point,
+    ef: f64,
+}
+
+impl InverseAffine {
+    pub fn new([a, b, c]: [Point; 3]) -> Self {
+        let (e, f) = (minus(b, a), minus(c, a));
+        Self { origin: a, e, f, ef: cross(e, f) }
+    }
+
+    /// (u, v) of a point of the triangle, within 0..=1.
+    pub fn at(&self, p: Point) -> [f64; 2] {
+        let h = minus(p, self.origin);
+        [unit(cross(h, self.f) / self.ef), unit(cross(self.e, h) / self.ef)]
+    }
+}
+
+/// Clamped to 0..=1; NaN becomes 0.
+#[inline(always)]
+fn unit(t: f64) -> f64 {
+    let t = if t > 0.0 { t } else { 0.0 };
+    if t < 1.0 { t } else { 1.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn map(&[p00, p10, p11, p01]: &Corners, [u, v]: Point) -> Point {
+        [0, 1].map(|i| {
+            let (top, bottom) = (p00[i] + u * (p10[i] - p00[i]), p01[i] + u * (p11[i] - p01[i]));
+            top + v * (bottom - top)
+        })
+    }
+
+    fn round_trip(corners: &Corners, uv: Point) -> Option<(Point, Point)> {
+        let Shape::Convex { mirrored } = Shape::of(corners) else { return None };
+        let p = map(corners, uv);
+        let found = InverseBilinear::new(corners, mirrored).at(p);
+        let back = map(corners, found);
+        Some((minus(found, uv), minus(back, p)))
+    }
+
+    fn size([a, b]: Point) -> f64 {
+        a.abs().max(b.abs())
+    }
+
+    proptest! {
+        #[test]
+        fn inverse_of_convex_cells(jitter in prop::array::uniform8(-0.45..0.45f64), u in 0.0..1.0f64, v in 0.0..1.0f64) {
+            let [a, b, c, d, e, f, g, h] = jitter;
+            let corners = [[a, b], [1.0 + c, d], [1.0 + e, 1.0 + f], [g, 1.0 + h]].map(|[x, y]| [900.0 + 5.0 * x, 5.0 * y]);
+            let flopped = corners.map(|[x, y]| [-x, y]);
+            if let Some((error, _)) = round_trip(&corners, [u, v]) {
+                let Some((mirrored, _)) = round_trip(&flopped, [u, v]) else { panic!("a flopped convex cell is convex") };
+                // Where the Jacobian nearly vanishes the place is ill-conditioned; only positions count there.
+                let InverseBilinear { ef, e, f, g, .. } = InverseBilinear::new(&corners, false);
+                let jacobian = ef + u * cross(e, g) + v * cross(g, f);
+                if jacobian > 0.01 {
+                    prop_assert!(size(error) < 1e-9 && size(mirrored) < 1e-9, "{error:?} {mirrored:?}");
+                }
+            }
+        }
+
+        #[test]
+        fn inverse_of_parallelograms(e in prop::array::uniform2(-9.0..9.0f64), f in prop::array::uniform2(-9.0..9.0f64), u in 0.0..1.0f64, v in 0.0..1.0f64) {
+            prop_assume!(cross(e, f).abs() > 0.1);
+            let corners = [[3.0, 4.0], [3.0 + e[0], 4.0 + e[1]], [3.0 + e[0] + f[0], 4.0 + e[1] + f[1]], [3.0 + f[0], 4.0 + f[1]]];
+            let (error, _) = round_trip(&corners, [u, v]).expect("convex");
+            prop_assert!(size(error) < 1e-9, "{error:?}");
+        }
+
+        #[test]
+        fn inverse_of_nearly_degenerate_cells(exponent in 1.0..12.0f64, corner in 0..4usize, u in 0.0..1.0f64, v in 0.0..1.0f64) {
+            // One corner nearly on the diagonal between its neighbours: its Jacobian nearly vanishes.
+            let mut corners = UNIT;
+            let (opposite, inset) = (corners[(corner + 2) % 4], 0.5 - libm::pow(10.0, -exponent));
+            corners[corner] = [0, 1].map(|i| corners[corner][i] + inset * (opposite[i] - corners[corner][i]));
+            let (error, miss) = round_trip(&corners, [u, v]).expect("convex");
+            prop_assert!(size(miss) < 1e-12, "{miss:?}");
+            let least_jacobian = 2.0 * libm::pow(10.0, -exponent);
+            prop_assert!(size(error) < 1e-9 || least_jacobian < 1e-5, "{error:?}");
+        }
+    }
+
+    const UNIT: Corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
+
+    #[test]
+    fn shapes() {
+        assert_eq!(Shape::of(&UNIT), Shape::Convex { mirrored: false });
+        assert_eq!(Shape::of(&UNIT.map(|[x, y]| [y, x])), Shape::Convex { mirrored: true });
+        // An arrowhead is cut through its reflex corner, wherever that is.
+        for reflex in 0..4 {
+            let mut corners = UNIT;
+            corners[reflex] = [0, 1].map(|i| 0.25 * UNIT[reflex][i] + 0.75 * UNIT[(reflex + 2) % 4][i]);
+            assert_eq!(Shape::of(&corners), Shape::Folded { split: reflex % 2 });
+        }
+        // Three corners on one line; all on one point; crossed.
+        assert_eq!(Shape::of(&[[0.0, 0.0], [1.0, 0.0], [2.0, 0.0], [0.0, 1.0]]), Shape::Folded { split: 1 });
+        assert_eq!(Shape::of(&[[1.0, 1.0]; 4]), Shape::Folded { split: 0 });
+        assert_eq!(Shape::of(&[UNIT[0], UNIT[2], UNIT[1], UNIT[3]]), Shape::Folded { split: 0 });
+    }
+}

@@ -1,0 +1,111 @@
+//! Locate: from a tile of the destination to the source position of each of its pixels.
+
+use super::forward::Forward;
+use super::net::{Net, Place};
+use super::{Map, spans::Point};
+use crate::rect::Rect;
+
+/// Pixel rows per band; bands are worked on side by side.
+pub(super) const BAND_HEIGHT: usize = 32;
+/// Pixel columns per tile; a band is one row of tiles.
+pub(super) const TILE_WIDTH: usize = 256;
+
+/// Source positions of a tile's pixel centres, px, row-major; NaN where nothing is drawn.
+#[derive(Debug, Default)]
+pub(super) struct Located {
+    pub width: usize,
+    pub x: Vec<f64>,
+    pub y: Vec<f64>,
+}
+
+impl Located {
+    /// Locates a tile, part of band number `band`; without a locator nothing is drawn.
+    pub fn locate(&mut self, locator: Option<&Locator>, band: usize, tile: &Rect) {
+        self.clear(tile);
+        match locator {
+            None => {}
+            Some(Locator::Forward(forward)) => forward.tile(band, tile, self),
+            Some(Locator::Backward { net, clip }) => gather(net, clip, tile, self),
+        }
+    }
+
+    pub fn height(&self) -> usize {
+        self.x.len() / self.width
+    }
+
+    /// x and y of a row of the tile.
+    pub fn row(&self, row: usize) -> (&[f64], &[f64]) {
+        let pixels = row * self.width..(row + 1) * self.width;
+        (&self.x[pixels.clone()], &self.y[pixels])
+    }
+
+    /// As many as a tile needs, nothing drawn.
+    fn clear(&mut self, tile: &Rect) {
+        self.width = tile.width();
+        for values in [&mut self.x, &mut self.y] {
+            values.clear();
+            values.resize(tile.width() * tile.height(), f64::NAN);
+        }
+    }
+}
+
+/// The source positions that are drawn: `low <= position < high`.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Clip {
+    pub low: Point,
+    pub high: Point,
+}
+
+impl Clip {
+    /// Everything.
+    pub const NONE: Self = Self { low: [f64::NEG_INFINITY; 2], high: [f64::INFINITY; 2] };
+
+    /// `window` grown by `reach` px on all sides.
+    pub fn grown(window: &Rect, reach: f64) -> Self {
+        Self {
+            low: [window.x0 as f64 - reach, window.y0 as f64 - reach],
+            high: [window.x1 as f64 + reach, window.y1 as f64 + reach],
+        }
+    }
+
+    #[inline(always)]
+    pub fn holds(&self, [x, y]: Point) -> bool {
+        x >= self.low[0] && x < self.high[0] && y >= self.low[1] && y < self.high[1]
+    }
+}
+
+/// A map made ready to locate the tiles of one destination window.
+pub(super) enum Locator<'a> {
+    Forward(Forward<'a>),
+    Backward { net: Net<'a>, clip: Clip },
+}
+
+impl<'a> Locator<'a> {
+    /// `clip`: the source positions wanted; `None` for all that the map's continuation reaches.
+    pub fn new(map: &Map<'a>, window: Rect, clip: Option<Clip>) -> Self {
+        match *map {
+            Map::Forward { lattice, positions } => {
+                Self::Forward(Forward::new(Net::new(lattice, positions), window, clip))
+            }
+            Map::Backward { lattice, positions } => {
+                Self::Backward { net: Net::new(lattice, positions), clip: clip.unwrap_or(Clip::NONE) }
+            }
+        }
+    }
+}
+
+/// Evaluates a backward map at the tile's pixel centres.
+fn gather(net: &Net, clip: &Clip, tile: &Rect, out: &mut Located) {
+    let columns: Vec<Place> = (tile.x0..tile.x1).map(|x| net.place(0, x as f64 + 0.5)).collect();
+    for (row, y) in (tile.y0..tile.y1).enumerate() {
+        let place = net.place(1, y as f64 + 0.5);
+        let pixels = row * out.width..(row + 1) * out.width;
+        let (xs, ys) = (&mut out.x[pixels.clone()], &mut out.y[pixels]);
+        for ((x, y), &column) in xs.iter_mut().zip(ys).zip(&columns) {
+            let position = net.position(column, place);
+            if clip.holds(position) {
+                [*x, *y] = position;
+            }
+        }
+    }
+}

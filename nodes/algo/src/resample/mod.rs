@@ -1,0 +1,179 @@
+//! Drawing a picture through a warp.
+//!
+//! Two ideas, apart: *locate* finds the source position of each destination pixel (`locate`, `forward`), *sample*
+//! turns source positions into filtered values (`sample`). A map is a lattice with the positions of its nodes,
+//! bilinear between them; outside the lattice the border cells' bilinear patches continue.
+//!
+//! A forward map is drawn cell by cell: where no cell folds, every pixel centre in the image of the lattice is
+//! owned by exactly one cell, shared edges and vertices included (`spans` says how that is decided), and its source
+//! position is the exact inverse of the bilinear map (`cell`). A cell with a corner whose Jacobian is zero or differs
+//! in sign from another's is drawn as two triangles, cut along the diagonal that leaves both the same way round if
+//! there is one, else along the one from its first node. Where cells overlap the last in row-major order wins.
+//! A cell with a node that is not finite, or farther than 2^40 px away, is not drawn.
+//!
+//! The continuation of a forward map is drawn under the lattice and ends where it would fold; a folded border cell is
+//! not continued. With [`Edge::Transparent`] it reaches as far as the source window grown by the filter's reach.
+//! With the other edges it reaches 64 times the width plus height of the rectangle around the destination
+//! window and the lattice's border nodes: all of the destination, where the map does not shrink more than that.
+
+mod bounds;
+mod cell;
+mod forward;
+mod locate;
+mod net;
+mod sample;
+mod spans;
+
+pub use bounds::bounds;
+pub use sample::{Edge, Filter};
+
+use crate::lattice::{Lattice, Positions};
+use crate::rect::Rect;
+use crate::view::{View, ViewMut};
+use crate::{Interrupted, Watch};
+use locate::{BAND_HEIGHT, Located, Locator, TILE_WIDTH};
+use rayon::prelude::*;
+use sample::Source;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// A warp: a lattice with a position for each of its nodes, and which way it points.
+#[derive(Clone, Copy, Debug)]
+pub enum Map<'a> {
+    /// `dst_from_src`: the lattice lies in the source, positions say where its nodes go.
+    Forward {
+        /// The lattice in the source.
+        lattice: &'a Lattice,
+        /// Where its nodes go.
+        positions: &'a Positions,
+    },
+    /// `src_from_dst`: the lattice lies in the destination, positions say where its nodes come from.
+    Backward {
+        /// The lattice in the destination.
+        lattice: &'a Lattice,
+        /// Where its nodes come from.
+        positions: &'a Positions,
+    },
+}
+
+/// Draws planes of samples through a warp.
+///
+/// The value of a destination pixel is the source filtered at the source position of the pixel's centre; the
+/// filter's footprint does not grow where the map shrinks. Sums are f32 in a fixed order. A position within 2^-25 px
+/// of a pixel's centre gives that pixel's sample bit for bit. Samples of weight zero are not read, so NaN and
+/// infinity spread no farther than the footprint.
+///
+/// - `map`: the warp; one position per node, nodes may be non-finite (see the module's text).
+/// - `source_window`: the pixels that `planes` hold.
+/// - `dst_window`: the pixels that `out` holds.
+/// - `filter`, `edge`: how a value is made, and of what outside the source window.
+/// - `planes`: any number of channels, each of the source window's size.
+/// - `out`: as many, each of the destination window's size; every sample is written.
+/// - `watch`: told the part done.
+///
+/// Returns how many pixels were drawn; the others are 0: those that no cell covers and, with
+/// [`Edge::Transparent`], those whose position lies outside the source window grown by the filter's reach (0, 1/2 or
+/// 3/2 px for nearest, linear and cubic). Nothing is drawn from an empty source window. On `Interrupted`, `out`
+/// is partly written.
+///
+/// Cost: linear in the cells and in the destination's pixels times planes. Bands of 32 rows go side by side; the
+/// result does not depend on how many.
+///
+/// The cubic: R. Keys, "Cubic convolution interpolation for digital image processing", IEEE Trans. ASSP 29, 1981,
+/// equation 15. The exact sign of a turn: J. Shewchuk, "Adaptive precision floating-point arithmetic and fast
+/// robust geometric predicates", 1997.
+pub fn draw(
+    map: &Map,
+    source_window: Rect,
+    dst_window: Rect,
+    filter: Filter,
+    edge: Edge,
+    planes: &[View<f32>],
+    out: Vec<ViewMut<f32>>,
+    watch: Watch,
+) -> Result<u64, Interrupted> {
+    let source = Source { window: source_window, edge };
+    let fill = |positions: &Located, left: usize, out: &mut [ViewMut<f32>]| match filter {
+        Filter::Nearest => sample::nearest(&source, planes, positions, left, out),
+        Filter::Linear => sample::filtered(&source, planes, positions, left, out, sample::linear_weights),
+        Filter::Cubic => sample::filtered(&source, planes, positions, left, out, sample::cubic_weights),
+    };
+    assert_sources(planes, source_window, out.len());
+    draw_bands(map, &source, dst_window, filter, out, watch, fill)
+}
+
+/// Draws planes of labels through a warp: [`draw`] with [`Filter::Nearest`] for samples without arithmetic.
+pub fn draw_labels(
+    map: &Map,
+    source_window: Rect,
+    dst_window: Rect,
+    edge: Edge,
+    planes: &[View<u32>],
+    out: Vec<ViewMut<u32>>,
+    watch: Watch,
+) -> Result<u64, Interrupted> {
+    let source = Source { window: source_window, edge };
+    let fill = |positions: &Located, left: usize, out: &mut [ViewMut<u32>]| {
+        sample::nearest(&source, planes, positions, left, out)
+    };
+    assert_sources(planes, source_window, out.len());
+    draw_bands(map, &source, dst_window, Filter::Nearest, out, watch, fill)
+}
+
+fn assert_sources<T>(planes: &[View<T>], window: Rect, outputs: usize) {
+    assert_eq!(planes.len(), outputs, "one output per plane");
+    let size = (window.width(), window.height());
+    assert!(planes.iter().all(|plane| (plane.width(), plane.height()) == size), "planes are {size:?}");
+}
+
+/// Locates tile by tile, band beside band, and has `fill` write each tile.
+fn draw_bands<T: Send>(
+    map: &Map,
+    source: &Source,
+    window: Rect,
+    filter: Filter,
+    out: Vec<ViewMut<T>>,
+    watch: Watch,
+    fill: impl Fn(&Located, usize, &mut [ViewMut<T>]) + Sync,
+) -> Result<u64, Interrupted> {
+    let size = (window.width(), window.height());
+    assert!(out.iter().all(|out| (out.width(), out.height()) == size), "outputs are {size:?}");
+    if window.is_empty() {
+        return Ok(0);
+    }
+    watch(0.0)?;
+    let clip = (source.edge == Edge::Transparent).then(|| filter.clip(&source.window));
+    let locator = (!source.window.is_empty()).then(|| Locator::new(map, window, clip));
+    let bands = bands_of(out, window.height());
+    let (count, done) = (bands.len(), AtomicUsize::new(0));
+    let drawn = bands.into_par_iter().enumerate().map(|(index, mut planes)| {
+        let top = window.y0 + (index * BAND_HEIGHT) as i64;
+        let band = Rect { y0: top, y1: window.y1.min(top + BAND_HEIGHT as i64), ..window };
+        let mut positions = Located::default();
+        let mut drawn = 0;
+        for left in (0..window.width()).step_by(TILE_WIDTH) {
+            let x0 = window.x0 + left as i64;
+            let tile = Rect { x0, x1: window.x1.min(x0 + TILE_WIDTH as i64), ..band };
+            positions.locate(locator.as_ref(), index, &tile);
+            drawn += positions.x.iter().filter(|x| !x.is_nan()).count() as u64;
+            fill(&positions, left, &mut planes);
+            watch(done.load(Ordering::Relaxed) as f64 / count as f64)?;
+        }
+        done.fetch_add(1, Ordering::Relaxed);
+        Ok(drawn)
+    });
+    drawn.try_reduce(|| 0, |a, b| Ok(a + b))
+}
+
+/// The views cut into bands, those of one band together.
+fn bands_of<T: Send>(views: Vec<ViewMut<T>>, height: usize) -> Vec<Vec<ViewMut<T>>> {
+    let mut bands: Vec<Vec<ViewMut<T>>> = (0..height.div_ceil(BAND_HEIGHT)).map(|_| Vec::new()).collect();
+    for view in views {
+        for (band, (_, part)) in bands.iter_mut().zip(view.bands(BAND_HEIGHT)) {
+            band.push(part);
+        }
+    }
+    bands
+}
+
+#[cfg(test)]
+mod tests;
