@@ -1,8 +1,8 @@
 //! Between the graph's values and the arrays that algorithms take.
 
+use warploom_algo::Interrupted;
 use warploom_algo::lattice::{Lattice, Positions};
 use warploom_algo::view::{View, ViewMut};
-use warploom_algo::Interrupted;
 use warploom_core::node::{Context, ErrorClass, NodeError};
 use warploom_core::value::{Buffer, BufferMut, Grid, Sample, Warp};
 

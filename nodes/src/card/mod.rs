@@ -19,11 +19,7 @@ fn rgba(cx: &Context, size: [u32; 2], draw: impl Fn(usize, ViewMut<f32>)) -> Res
     for (index, name) in ["R", "G", "B", "A"].into_iter().enumerate() {
         let mut plane = cx.plane(width, height)?;
         draw(index, crate::adapt::view_mut(&mut plane));
-        channels.push(Channel {
-            name: name.into(),
-            sample_type: SampleType::Float,
-            plane: Plane::F32(plane.freeze()),
-        });
+        channels.push(Channel { name: name.into(), sample_type: SampleType::Float, plane: Plane::F32(plane.freeze()) });
     }
     Ok(Image::new(Rect::at(0, 0, width, height), channels))
 }

@@ -3,8 +3,8 @@ use std::time::Instant;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use smart_default::SmartDefault;
 use serde_json::json;
+use smart_default::SmartDefault;
 use warploom_algo::feature;
 use warploom_core::node::{Context, In, Node, NodeError, Output, Outputs};
 use warploom_core::value::{Factor, Grid, Hasher, Kind, Labels};

@@ -2,8 +2,8 @@ use std::time::Instant;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use smart_default::SmartDefault;
 use serde_json::json;
+use smart_default::SmartDefault;
 use warploom_algo::feature;
 use warploom_core::node::{Context, In, Node, NodeError, Output, Outputs};
 use warploom_core::value::{Direction, Factor, Kind, Warp};
@@ -48,7 +48,8 @@ impl Node for FeatureWarp {
         }
         if warp.grid != factor.grid {
             let ([wc, wr], [fc, fr]) = (warp.grid.nodes, factor.grid.nodes);
-            let message = format!("the warp is on another lattice ({wc} x {wr} nodes) than the factor ({fc} x {fr} nodes)");
+            let message =
+                format!("the warp is on another lattice ({wc} x {wr} nodes) than the factor ({fc} x {fr} nodes)");
             return Err(NodeError::refused(message).at("warp").hint("feed both from one Lattice"));
         }
         let mode = match self.mode {

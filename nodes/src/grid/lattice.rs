@@ -43,7 +43,9 @@ impl Node for Lattice {
     fn compute(&self, cx: &Context) -> Result<Outputs, NodeError> {
         let display = cx.get(&self.domain).display;
         if display.is_empty() {
-            return Err(NodeError::refused("the display window is empty; a lattice needs at least one pixel").at("domain"));
+            return Err(
+                NodeError::refused("the display window is empty; a lattice needs at least one pixel").at("domain")
+            );
         }
         let size = [display.width(), display.height()].map(|side| side as f64 + 2.0 * self.overscan);
         let cells = size.map(|side| (side / self.cell + 0.5).floor().max(1.0));

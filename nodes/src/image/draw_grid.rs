@@ -51,7 +51,8 @@ impl Node for DrawGrid {
         let [r, g, b, a] = self.color;
         let luma = 0.2126 * r + 0.7152 * g + 0.0722 * b;
         let alpha = tinted(a)?;
-        let paints = [("R", tinted(r)?), ("G", tinted(g)?), ("B", tinted(b)?), ("Y", tinted(luma)?), ("A", alpha.clone())];
+        let paints =
+            [("R", tinted(r)?), ("G", tinted(g)?), ("B", tinted(b)?), ("Y", tinted(luma)?), ("A", alpha.clone())];
         let channels = super::combined(cx, &[layer], &data, |name, out| {
             let front = paints.iter().find(|(channel, _)| *channel == name);
             let placed = |plane| Placement::Samples(Placed { view: view(plane), x0, y0 });

@@ -74,8 +74,13 @@ impl Node for Resample {
             return Err(NodeError::refused("a size and fit exclude each other").at("fit"));
         }
         let (source, warp) = (cx.get(&self.image), cx.get(&self.warp));
-        let drawing =
-            Drawing { node: self, cx, direction: warp.direction, lattice: lattice(&warp.grid), positions: positions(&warp) };
+        let drawing = Drawing {
+            node: self,
+            cx,
+            direction: warp.direction,
+            lattice: lattice(&warp.grid),
+            positions: positions(&warp),
+        };
         Ok(match source {
             Value::Image(image) => drawing.image(&image)?.into(),
             Value::Mask(mask) => {

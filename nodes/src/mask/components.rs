@@ -48,7 +48,8 @@ impl Node for Components {
         let mut plane = cx.plane(width, height)?;
         let (x0, y0) = (windows.data.x0.into(), windows.data.y0.into());
         let (samples, out) = (view(&mask.0.samples), view_mut(&mut plane));
-        let found = components::label(samples, connectivity, self.min_area, x0, y0, out, &watch(cx)).map_err(stopped)?;
+        let found =
+            components::label(samples, connectivity, self.min_area, x0, y0, out, &watch(cx)).map_err(stopped)?;
         let table: Vec<Component> = (found.iter().zip(1..)).map(|(component, label)| row(label, component)).collect();
         let count = table.len();
         let labels = Labels { raster: Raster { windows, samples: plane.freeze() }, table };

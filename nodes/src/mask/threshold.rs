@@ -54,7 +54,9 @@ impl Threshold {
         };
         if self.channel != LUMA {
             return plane(&self.channel).cloned().ok_or_else(|| match image.primary().channel(&self.channel) {
-                Some(_) => NodeError::refused(format!("channel {} holds identities, not numbers", self.channel)).at("channel"),
+                Some(_) => {
+                    NodeError::refused(format!("channel {} holds identities, not numbers", self.channel)).at("channel")
+                }
                 None => NodeError::refused(format!("the picture has no channel {}", self.channel)).at("channel"),
             });
         }

@@ -22,7 +22,6 @@ const WARP: &[Output] = &[Output::new("warp", Kind::Warp)];
 /// A forward warp with its certificate in the stats.
 pub(crate) fn certified(grid: &Grid, positions: Positions) -> Outputs {
     let certificate = certify(&crate::adapt::lattice(grid), &positions);
-    let warp =
-        Warp { grid: *grid, direction: Direction::DstFromSrc, x: positions.x.into(), y: positions.y.into() };
+    let warp = Warp { grid: *grid, direction: Direction::DstFromSrc, x: positions.x.into(), y: positions.y.into() };
     Outputs::from(warp).stat("min_jacobian", certificate.min_jacobian).stat("folds", certificate.folds)
 }
