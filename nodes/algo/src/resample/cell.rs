@@ -52,7 +52,7 @@ pub(super) struct InverseBilinear {
     four_gf: f64,
     sign: f64,
     /// Whether rounding may cost more than a few thousand units in the last place, see [`Self::EVEN`].
-    polish: bool,
+    uneven: bool,
 }
 
 impl InverseBilinear {
@@ -67,15 +67,19 @@ impl InverseBilinear {
         let (ef, eg, gf) = (cross(e, f), cross(e, g), cross(g, f));
         let jacobians = [ef, ef + eg, ef + gf, ef + eg + gf].map(|jacobian| sign * jacobian);
         let least = jacobians.into_iter().fold(f64::INFINITY, f64::min);
-        let polish = jacobians.into_iter().any(|jacobian| jacobian > Self::EVEN * least);
-        Self { origin: p00, e, f, g, ef, four_gf: 4.0 * gf, sign, polish }
+        let uneven = jacobians.into_iter().any(|jacobian| jacobian > Self::EVEN * least);
+        Self { origin: p00, e, f, g, ef, four_gf: 4.0 * gf, sign, uneven }
     }
 
-    /// (u, v) of a point of the cell, within 0..=1.
+    /// Whether the root of the quadratics alone may be inexact; [`Self::polished`] then is not.
+    pub fn is_uneven(&self) -> bool {
+        self.uneven
+    }
+
+    /// (u, v) of a point of a cell that is not uneven, within 0..=1.
     #[inline(always)]
     pub fn at(&self, p: Point) -> [f64; 2] {
-        let [u, v] = self.root(p);
-        if self.polish { self.polished(p, [u, v]) } else { [unit(u), unit(v)] }
+        self.root(p).map(unit)
     }
 
     /// The root of the quadratics.
@@ -91,9 +95,9 @@ impl InverseBilinear {
         [hf * below_v * scale, eh * below_u * scale]
     }
 
-    /// One Newton step, which takes back what rounding cost.
-    fn polished(&self, p: Point, [u, v]: Point) -> [f64; 2] {
-        let (u, v) = (unit(u), unit(v));
+    /// (u, v) of a point of any cell, within 0..=1: one Newton step takes back what rounding cost.
+    pub fn polished(&self, p: Point) -> [f64; 2] {
+        let [u, v] = self.at(p);
         let Self { e, f, g, .. } = *self;
         let h = minus(p, self.origin);
         let (along_u, along_v) = ([e[0] + v * g[0], e[1] + v * g[1]], [f[0] + u * g[0], f[1] + u * g[1]]);
@@ -149,7 +153,8 @@ mod tests {
     fn round_trip(corners: &Corners, uv: Point) -> Option<(Point, Point)> {
         let Shape::Convex { mirrored } = Shape::of(corners) else { return None };
         let p = map(corners, uv);
-        let found = InverseBilinear::new(corners, mirrored).at(p);
+        let inverse = InverseBilinear::new(corners, mirrored);
+        let found = if inverse.is_uneven() { inverse.polished(p) } else { inverse.at(p) };
         let back = map(corners, found);
         Some((minus(found, uv), minus(back, p)))
     }
@@ -160,12 +165,17 @@ mod tests {
 
     proptest! {
         #[test]
-        fn inverse_of_convex_cells(jitter in prop::array::uniform8(-0.45..0.45f64), u in 0.0..1.0f64, v in 0.0..1.0f64) {
+        fn inverse_of_convex_cells(
+            jitter in prop::array::uniform8(-0.45..0.45f64),
+            u in 0.0..1.0f64,
+            v in 0.0..1.0f64,
+        ) {
             let [a, b, c, d, e, f, g, h] = jitter;
-            let corners = [[a, b], [1.0 + c, d], [1.0 + e, 1.0 + f], [g, 1.0 + h]].map(|[x, y]| [900.0 + 5.0 * x, 5.0 * y]);
+            let unit = [[a, b], [1.0 + c, d], [1.0 + e, 1.0 + f], [g, 1.0 + h]];
+            let corners = unit.map(|[x, y]| [900.0 + 5.0 * x, 5.0 * y]);
             let flopped = corners.map(|[x, y]| [-x, y]);
             if let Some((error, _)) = round_trip(&corners, [u, v]) {
-                let Some((mirrored, _)) = round_trip(&flopped, [u, v]) else { panic!("a flopped convex cell is convex") };
+                let (mirrored, _) = round_trip(&flopped, [u, v]).expect("a flopped convex cell is convex");
                 // Where the Jacobian nearly vanishes the place is ill-conditioned; only positions count there.
                 let InverseBilinear { ef, e, f, g, .. } = InverseBilinear::new(&corners, false);
                 let jacobian = ef + u * cross(e, g) + v * cross(g, f);
@@ -176,15 +186,25 @@ mod tests {
         }
 
         #[test]
-        fn inverse_of_parallelograms(e in prop::array::uniform2(-9.0..9.0f64), f in prop::array::uniform2(-9.0..9.0f64), u in 0.0..1.0f64, v in 0.0..1.0f64) {
+        fn inverse_of_parallelograms(
+            e in prop::array::uniform2(-9.0..9.0f64),
+            f in prop::array::uniform2(-9.0..9.0f64),
+            u in 0.0..1.0f64,
+            v in 0.0..1.0f64,
+        ) {
             prop_assume!(cross(e, f).abs() > 0.1);
-            let corners = [[3.0, 4.0], [3.0 + e[0], 4.0 + e[1]], [3.0 + e[0] + f[0], 4.0 + e[1] + f[1]], [3.0 + f[0], 4.0 + f[1]]];
+            let corners = UNIT.map(|[u, v]| [3.0 + u * e[0] + v * f[0], 4.0 + u * e[1] + v * f[1]]);
             let (error, _) = round_trip(&corners, [u, v]).expect("convex");
             prop_assert!(size(error) < 1e-9, "{error:?}");
         }
 
         #[test]
-        fn inverse_of_nearly_degenerate_cells(exponent in 1.0..12.0f64, corner in 0..4usize, u in 0.0..1.0f64, v in 0.0..1.0f64) {
+        fn inverse_of_nearly_degenerate_cells(
+            exponent in 1.0..12.0f64,
+            corner in 0..4usize,
+            u in 0.0..1.0f64,
+            v in 0.0..1.0f64,
+        ) {
             // One corner nearly on the diagonal between its neighbours: its Jacobian nearly vanishes.
             let mut corners = UNIT;
             let (opposite, inset) = (corners[(corner + 2) % 4], 0.5 - libm::pow(10.0, -exponent));

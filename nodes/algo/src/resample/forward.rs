@@ -161,7 +161,11 @@ impl<'a> Forward<'a> {
         match shape {
             Shape::Convex { mirrored } => {
                 let inverse = InverseBilinear::new(corners, mirrored);
-                drawing.fill(rows, &source, |p| inverse.at(p));
+                if inverse.is_uneven() {
+                    drawing.fill(rows, &source, |p| inverse.polished(p));
+                } else {
+                    drawing.fill(rows, &source, |p| inverse.at(p));
+                }
             }
             Shape::Folded { split } => {
                 for third in [1, 2] {

@@ -6,7 +6,7 @@ use super::{Map, spans::Point};
 use crate::rect::Rect;
 
 /// Pixel rows per band; bands are worked on side by side.
-pub(super) const BAND_HEIGHT: usize = 32;
+pub(super) const BAND_HEIGHT: usize = 64;
 /// Pixel columns per tile; a band is one row of tiles.
 pub(super) const TILE_WIDTH: usize = 256;
 
@@ -76,7 +76,7 @@ impl Clip {
 
 /// A map made ready to locate the tiles of one destination window.
 pub(super) enum Locator<'a> {
-    Forward(Forward<'a>),
+    Forward(Box<Forward<'a>>),
     Backward { net: Net<'a>, clip: Clip },
 }
 
@@ -85,7 +85,7 @@ impl<'a> Locator<'a> {
     pub fn new(map: &Map<'a>, window: Rect, clip: Option<Clip>) -> Self {
         match *map {
             Map::Forward { lattice, positions } => {
-                Self::Forward(Forward::new(Net::new(lattice, positions), window, clip))
+                Self::Forward(Box::new(Forward::new(Net::new(lattice, positions), window, clip)))
             }
             Map::Backward { lattice, positions } => {
                 Self::Backward { net: Net::new(lattice, positions), clip: clip.unwrap_or(Clip::NONE) }

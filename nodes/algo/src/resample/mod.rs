@@ -75,7 +75,7 @@ pub enum Map<'a> {
 /// 3/2 px for nearest, linear and cubic). Nothing is drawn from an empty source window. On `Interrupted`, `out`
 /// is partly written.
 ///
-/// Cost: linear in the cells and in the destination's pixels times planes. Bands of 32 rows go side by side; the
+/// Cost: linear in the cells and in the destination's pixels times planes. Bands of 64 rows go side by side; the
 /// result does not depend on how many.
 ///
 /// The cubic: R. Keys, "Cubic convolution interpolation for digital image processing", IEEE Trans. ASSP 29, 1981,

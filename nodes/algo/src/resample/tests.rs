@@ -222,7 +222,7 @@ fn owners(lattice: &Lattice, positions: &Positions, window: Rect) -> Vec<u32> {
 fn every_pixel_of_the_image_is_owned_once() {
     let mut on_edges = 0;
     for seed in 0..60 {
-        // The second kind has arrowheads and cells with three corners on one line, whose images stay apart.
+        // The last kind has cells with three corners on one line.
         let (quarters, jitter) = [(16, 3), (5, 1), (10, 2), (4, 1)][seed as usize % 4];
         let (lattice, positions) = jittered([9, 7], quarters, jitter, seed);
         let window = Rect::new(0, 0, 48, 40);
@@ -251,6 +251,17 @@ fn every_pixel_of_the_image_is_owned_once() {
         }
     }
     assert!(on_edges > 100, "{on_edges} pixel centres are nodes");
+}
+
+#[test]
+fn an_arrowhead_fills_its_outline() {
+    // The middle node moved past the diagonal of the last cell, which stays inside the unmoved boundary.
+    let lattice = over(Rect::new(0, 0, 8, 8), [2, 2]);
+    let mut positions = Positions::from_map(&lattice, |p| p);
+    for middle in [[6.5, 6.5], [7.0, 6.25], [1.5, 1.0], [7.5, 0.5]] {
+        [positions.x[4], positions.y[4]] = middle;
+        assert_eq!(owners(&lattice, &positions, Rect::new(0, 0, 8, 8)), [1; 64], "{middle:?}");
+    }
 }
 
 /// A warp that bends, folds here and there if `wild`, over a source of 300 x 80.
