@@ -1,1 +1,30 @@
-//! The warploom command.
+//! The warploom command: reads the command line, shows what happens, gives an exit code. It knows no algorithm.
+
+mod args;
+mod check;
+mod dump;
+mod graph;
+mod nodes;
+mod progress;
+mod run;
+mod terminal;
+
+use std::process::ExitCode;
+
+use clap::Parser;
+use warploom_core::registry::Registry;
+
+use args::{Command, Line};
+
+/// Runs the command line of this process.
+pub fn main() -> ExitCode {
+    let line = Line::parse();
+    let registry = Registry::new(warploom_nodes::NODES);
+    let code = match line.command {
+        Command::Run(args) => run::run(&args, &registry),
+        Command::Check(args) => check::check(&args, &registry),
+        Command::Nodes(args) => nodes::nodes(&args, &registry),
+        Command::Graph(args) => graph::graph(&args, &registry),
+    };
+    ExitCode::from(code)
+}

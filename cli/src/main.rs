@@ -1,1 +1,7 @@
-fn main() {}
+//! The warploom command.
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    warploom::main()
+}

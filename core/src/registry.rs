@@ -136,7 +136,7 @@ impl Registry {
     }
 
     /// All types, by name.
-    pub fn iter(&self) -> impl Iterator<Item = &Arc<NodeType>> {
+    pub fn iter(&self) -> impl Iterator<Item = &Arc<NodeType>> + Clone {
         self.types.values()
     }
 }

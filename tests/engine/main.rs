@@ -4,6 +4,7 @@
 
 mod model;
 mod nodes;
+mod promises;
 mod random;
 
 use std::sync::{Mutex, MutexGuard, PoisonError};

@@ -249,6 +249,10 @@ impl Engine {
                 artifact: artifact.clone(),
             }));
         }
+        let is_there = |&at: &usize| {
+            matches!(state.pairs[at].status, Some(Status::Executed | Status::Recomputed | Status::Reused))
+        };
+        let frames_delivered = shared.pairs.frames.iter().filter(|(_, targets)| targets.iter().all(is_there)).count();
         let mut faults = std::mem::take(&mut state.faults);
         let order = |frame: Option<i64>| plan.frames.iter().position(|&f| Some(f) == frame);
         faults.sort_by_key(|fault| order(fault.frame));
@@ -261,6 +265,7 @@ impl Engine {
             nodes,
             outputs,
             faults,
+            frames_delivered,
             cancelled: job.cancel.is_cancelled(),
         }
     }

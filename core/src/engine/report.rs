@@ -137,6 +137,9 @@ pub struct Report {
     pub outputs: Vec<OutputReport>,
     /// Everything that went wrong.
     pub faults: Vec<Fault>,
+    /// Frames all of whose targets are there.
+    #[serde(skip)]
+    pub frames_delivered: usize,
     /// Whether the run was stopped from outside.
     #[serde(skip)]
     pub cancelled: bool,

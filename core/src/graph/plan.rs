@@ -75,6 +75,19 @@ pub struct Template {
     pub paths: Vec<(String, Access)>,
 }
 
+impl Template {
+    /// The parameter that each link feeds, in the order of links.
+    pub fn links(&self) -> Vec<String> {
+        let linked = self.holes.iter().filter(|hole| matches!(hole.source, Source::Link(_)));
+        linked
+            .map(|hole| match &hole.path[0] {
+                Step::Field(name) => name.clone(),
+                Step::Index(index) => index.to_string(),
+            })
+            .collect()
+    }
+}
+
 /// A number that is not constant.
 #[derive(Clone, Debug)]
 pub struct Hole {

@@ -32,6 +32,8 @@ pub struct Options<'a> {
     pub set: &'a [String],
     /// Nodes to run for; empty means all sinks.
     pub targets: &'a [String],
+    /// Nodes to run for besides.
+    pub dumps: &'a [String],
     /// Frames to run, if they are not those of the file.
     pub frames: Option<Vec<i64>>,
     /// Folders where plugins were looked for.
@@ -43,7 +45,7 @@ pub struct Options<'a> {
 impl<'a> Options<'a> {
     /// No flags, no variables.
     pub fn new(file: &'a Path) -> Self {
-        Self { file, set: &[], targets: &[], frames: None, plugins: &[], variable: &|_| None }
+        Self { file, set: &[], targets: &[], dumps: &[], frames: None, plugins: &[], variable: &|_| None }
     }
 }
 

@@ -94,20 +94,20 @@ fn values_are_sound(report: &Reporter) -> bool {
 }
 
 fn targets(graph: &Graph, sinks: &[usize], options: &Options, report: &mut Reporter) -> Vec<usize> {
-    if options.targets.is_empty() {
+    let mut targets = if options.targets.is_empty() { sinks.to_vec() } else { Vec::new() };
+    if options.targets.is_empty() && options.dumps.is_empty() {
         let all_known = graph.nodes.iter().all(|node| node.node_type.is_some());
         if sinks.is_empty() && all_known {
             let hint = "add a Save, or name a node with --target".to_owned();
             report.add(graph.at, Fault::new(Code::NoTarget, "nothing to run: the graph has no sink").hint(hint));
         }
-        return sinks.to_vec();
     }
-    let mut targets = Vec::new();
-    for id in options.targets {
+    let named = options.targets.iter().map(|id| ("--target", id)).chain(options.dumps.iter().map(|id| ("--dump", id)));
+    for (flag, id) in named {
         match graph.index.get(id.as_str()) {
             Some(&index) => targets.push(index),
             None => {
-                let source = report.sources.add(Path::new("--target"), id);
+                let source = report.sources.add(Path::new(flag), id);
                 let span = crate::graph::read::Span { start: 0, end: id.len() as u32 };
                 let fault = Fault::new(Code::UnknownNode, format!("there is no node `{id}`"));
                 report.add(At { source, span }, fault.hint(suggestion(id, graph.index.keys().copied())));

@@ -1,0 +1,122 @@
+//! `warploom nodes`: what node types there are, from their own declarations.
+
+use serde_json::{Value as Json, json};
+use warploom_core::diag::{Code, Fault, suggestion};
+use warploom_core::node::OutputKind;
+use warploom_core::registry::{NodeType, Registry};
+use warploom_core::schema::{Param, Shape};
+
+use crate::args::{NodesArgs, NodesFormat};
+use crate::terminal::{say, show};
+
+/// The command.
+pub fn nodes(args: &NodesArgs, registry: &Registry) -> u8 {
+    let Some(name) = &args.name else {
+        let all: Vec<&NodeType> = registry.iter().map(|node_type| &**node_type).collect();
+        match args.format {
+            NodesFormat::Json => say(&Json::Array(all.iter().map(|t| manifest(t)).collect()).to_string()),
+            NodesFormat::Markdown => all.iter().for_each(|node_type| say(&markdown(node_type))),
+            NodesFormat::Human => {
+                let width = all.iter().map(|node_type| node_type.name.len()).max().unwrap_or_default();
+                all.iter()
+                    .for_each(|t| say(&format!("{:width$}  {}", t.name, t.doc.lines().next().unwrap_or_default())));
+            }
+        }
+        return 0;
+    };
+    let Some(node_type) = registry.get(name) else {
+        let hint = suggestion(name, registry.iter().map(|node_type| node_type.name.as_str()));
+        show(&Fault::new(Code::UnknownType, format!("there is no node type `{name}`")).hint(hint), false);
+        return 2;
+    };
+    say(&match args.format {
+        NodesFormat::Json => format!("{:#}", manifest(node_type)),
+        NodesFormat::Markdown => markdown(node_type),
+        NodesFormat::Human => human(node_type),
+    });
+    0
+}
+
+fn output_kind(kind: OutputKind) -> String {
+    match kind {
+        OutputKind::Is(kind) => kind.to_string(),
+        OutputKind::SameAs(port) => format!("same as {port}"),
+    }
+}
+
+/// The form of a plugin's manifest.
+fn manifest(node_type: &NodeType) -> Json {
+    let outputs: Vec<_> = (node_type.outputs.iter())
+        .map(|output| json!({ "name": output.name, "kind": output_kind(output.kind) }))
+        .collect();
+    json!({
+        "name": node_type.name,
+        "version": node_type.version,
+        "outputs": outputs,
+        "sink": node_type.sink,
+        "reads_frame": node_type.reads_frame,
+        "schema": node_type.schema,
+    })
+}
+
+/// What stands for a parameter's default: nothing for ports and for what must be given.
+fn default(param: &Param) -> Option<String> {
+    if param.required || matches!(param.shape, Shape::Port(_)) { None } else { Some(ron(&param.default)) }
+}
+
+/// A default as a graph file would write it.
+fn ron(value: &Json) -> String {
+    match value {
+        Json::Null => "None".into(),
+        Json::String(name) => name.clone(),
+        Json::Array(items) => format!("({})", items.iter().map(ron).collect::<Vec<_>>().join(", ")),
+        other => other.to_string(),
+    }
+}
+
+fn human(node_type: &NodeType) -> String {
+    let mut text = format!("{} (version {})\n\n{}\n", node_type.name, node_type.version, indented(&node_type.doc, 2));
+    let (ports, params): (Vec<&Param>, Vec<&Param>) =
+        node_type.params.iter().partition(|param| matches!(param.shape, Shape::Port(_)));
+    for (title, rows) in [("Inputs", ports), ("Parameters", params)] {
+        if !rows.is_empty() {
+            text += &format!("\n{title}:\n");
+        }
+        for param in rows {
+            let takes = param.shape.describe(param.unit.as_deref());
+            let default = match default(param) {
+                Some(default) => format!("; default {default}"),
+                None if param.required => "; required".into(),
+                None => "; may be left out".into(),
+            };
+            text += &format!("  {}: {takes}{default}\n{}\n", param.name, indented(&param.doc, 6));
+        }
+    }
+    if !node_type.outputs.is_empty() {
+        text += "\nOutputs:\n";
+    }
+    for output in node_type.outputs {
+        text += &format!("  {}: {}\n", output.name, output_kind(output.kind));
+    }
+    text.trim_end().to_owned()
+}
+
+fn indented(text: &str, by: usize) -> String {
+    let lines = text.lines().map(|line| if line.is_empty() { String::new() } else { format!("{:by$}{line}", "") });
+    lines.collect::<Vec<_>>().join("\n")
+}
+
+fn markdown(node_type: &NodeType) -> String {
+    let mut text = format!("## {}\n\n{}\n\n", node_type.name, node_type.doc);
+    text += "| input or parameter | takes | default | meaning |\n|---|---|---|---|\n";
+    for param in &node_type.params {
+        let takes = param.shape.describe(param.unit.as_deref()).replace('|', "\\|");
+        let default = default(param).unwrap_or_else(|| if param.required { "required" } else { "" }.into());
+        text += &format!("| `{}` | {takes} | {default} | {} |\n", param.name, param.doc.replace('\n', " "));
+    }
+    text += "\n| output | kind |\n|---|---|\n";
+    for output in node_type.outputs {
+        text += &format!("| `{}` | {} |\n", output.name, output_kind(output.kind));
+    }
+    text
+}

@@ -1,0 +1,162 @@
+//! How a run is shown while it goes on.
+
+use std::io::IsTerminal;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Duration;
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use serde_json::{Value as Json, json};
+use warploom_core::engine::{Event, Observer, Report, Status};
+
+use crate::args::Progress;
+use crate::terminal::{note, rendered, say};
+
+/// Shows events in one dialect.
+pub struct Display {
+    dialect: Progress,
+    bar: ProgressBar,
+    frames: AtomicUsize,
+    frames_done: AtomicUsize,
+    pairs: AtomicUsize,
+    pairs_done: AtomicUsize,
+    percent: Mutex<usize>,
+}
+
+impl Display {
+    pub fn new(dialect: Progress) -> Self {
+        let dialect = match dialect {
+            Progress::Auto if std::io::stderr().is_terminal() => Progress::Human,
+            Progress::Auto => Progress::Plain,
+            given => given,
+        };
+        let target = match dialect {
+            Progress::Human => ProgressDrawTarget::stderr(),
+            _ => ProgressDrawTarget::hidden(),
+        };
+        let bar = ProgressBar::with_draw_target(Some(1), target);
+        let style = ProgressStyle::with_template("{bar:30} {pos}/{len} frames  {msg}");
+        bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+        if dialect == Progress::Human {
+            bar.enable_steady_tick(Duration::from_millis(100));
+        }
+        let count = || AtomicUsize::new(0);
+        Self {
+            dialect,
+            bar,
+            frames: count(),
+            frames_done: count(),
+            pairs: count(),
+            pairs_done: count(),
+            percent: Mutex::new(0),
+        }
+    }
+
+    /// A line about the whole run, in the dialects for people.
+    pub fn summary(&self, report: &Report) {
+        self.bar.finish_and_clear();
+        if !matches!(self.dialect, Progress::Human | Progress::Plain) {
+            return;
+        }
+        let count = |status: Status| report.nodes.iter().filter(|pair| pair.status == status).count();
+        let mut parts =
+            vec![format!("{} executed", count(Status::Executed)), format!("{} reused", count(Status::Reused))];
+        for (status, word) in
+            [(Status::Recomputed, "recomputed"), (Status::Failed, "failed"), (Status::Skipped, "skipped")]
+        {
+            if count(status) > 0 {
+                parts.push(format!("{} {word}", count(status)));
+            }
+        }
+        let stopped = if report.cancelled { "stopped: " } else { "" };
+        note(&format!("{stopped}{} in {:.2} s", parts.join(", "), report.seconds));
+        if report.outputs.is_empty() && report.faults.is_empty() && !report.cancelled {
+            note("no files were asked for");
+        }
+    }
+
+    fn percent(&self) {
+        let (done, all) = (self.pairs_done.load(Ordering::Relaxed), self.pairs.load(Ordering::Relaxed).max(1));
+        let percent = (100 * done / all).min(100);
+        let mut shown = self.percent.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        if percent > *shown {
+            *shown = percent;
+            match self.dialect {
+                Progress::Openjd => say(&format!("openjd_progress: {percent}")),
+                _ => note(&format!("{percent}%")),
+            }
+        }
+    }
+
+    fn frame_done(&self, frame: Option<i64>) {
+        let done = self.frames_done.fetch_add(1, Ordering::Relaxed) + 1;
+        self.bar.inc(1);
+        let all = self.frames.load(Ordering::Relaxed);
+        if let (Progress::Plain, Some(frame)) = (self.dialect, frame) {
+            note(&format!("frame {frame} done ({done} of {all})"));
+        }
+    }
+}
+
+impl Observer for Display {
+    fn event(&self, event: Event<'_>) {
+        if self.dialect == Progress::Jsonl {
+            say(&json_event(&event).to_string());
+        }
+        match event {
+            Event::Begun { frames, pairs } => {
+                self.frames.store(frames, Ordering::Relaxed);
+                self.pairs.store(pairs, Ordering::Relaxed);
+                self.bar.set_length(frames as u64);
+            }
+            Event::Started { node, frame } => match (self.dialect, frame) {
+                (Progress::Human, Some(frame)) => self.bar.set_message(format!("{node} (frame {frame})")),
+                (Progress::Human, None) => self.bar.set_message(node.to_owned()),
+                (Progress::Openjd, _) => say(&format!("openjd_status: {node}")),
+                _ => {}
+            },
+            Event::Progress { node, part, .. } => {
+                if self.dialect == Progress::Human {
+                    self.bar.set_message(format!("{node} {:.0} %", part * 100.0));
+                }
+            }
+            Event::Finished { status, .. } => {
+                if status != Status::Recomputed {
+                    self.pairs_done.fetch_add(1, Ordering::Relaxed);
+                }
+                if matches!(self.dialect, Progress::Openjd | Progress::Percent) {
+                    self.percent();
+                }
+            }
+            Event::Output { artifact, .. } => {
+                if self.dialect != Progress::Jsonl {
+                    self.bar.suspend(|| say(&artifact.path.display().to_string()));
+                }
+            }
+            Event::Fault(fault) => match self.dialect {
+                Progress::Openjd => say(&format!("openjd_fail: {}", fault.message.replace('\n', " "))),
+                _ => self.bar.suspend(|| note(&rendered(fault, false))),
+            },
+            Event::FrameDone { frame } => self.frame_done(frame),
+        }
+    }
+}
+
+fn json_event(event: &Event<'_>) -> Json {
+    match event {
+        Event::Begun { frames, pairs } => json!({ "event": "begun", "frames": frames, "pairs": pairs }),
+        Event::Started { node, frame } => json!({ "event": "started", "node": node, "frame": frame }),
+        Event::Progress { node, frame, part } => {
+            json!({ "event": "progress", "node": node, "frame": frame, "part": part })
+        }
+        Event::Finished { node, frame, status, seconds } => {
+            json!({ "event": "finished", "node": node, "frame": frame, "status": status, "seconds": seconds })
+        }
+        Event::Output { artifact, written } => json!({
+            "event": "output", "path": artifact.path, "bytes": artifact.bytes, "blake3": artifact.blake3,
+            "written": written,
+        }),
+        Event::Fault(fault) => json!({ "event": "fault", "fault": fault }),
+        Event::FrameDone { frame } => json!({ "event": "frame_done", "frame": frame }),
+    }
+}
