@@ -150,15 +150,12 @@ fn own_change(plan: &Plan, index: usize, before: &Entry, now: &Entry) -> Option<
     Some(Why { old: Some(old.hex().into()), new: Some(new.hex().into()), ..why })
 }
 
-/// The change of the first input that changed.
+/// The change of the first input that changed, unless it is another input altogether.
 fn inherited(pair: &Pair, before: &Entry, now: &Entry, changes: &[Option<Why>]) -> Option<Why> {
     for ((slot, new), old) in pair.slots.iter().zip(&now.inputs).zip(&before.inputs) {
-        for (answer, &from) in slot.iter().enumerate() {
-            if old.2.get(answer) != new.2.get(answer)
-                && let Some(why) = &changes[from]
-            {
-                return Some(why.clone());
-            }
+        let changed = slot.iter().enumerate().find(|(answer, _)| old.2.get(*answer) != new.2.get(*answer));
+        if let Some((_, &from)) = changed {
+            return if old.1 == new.1 { changes[from].clone() } else { None };
         }
     }
     pair.links.iter().find_map(|&from| changes[from].clone())

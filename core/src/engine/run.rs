@@ -587,12 +587,13 @@ impl Worker<'_> {
         state.faults.push(fault);
     }
 
-    /// The pair ends in a fault, and everything that waits for it with it.
+    /// The pair ends in a fault, and everything that waits for it with it. In a stopped run it just does not end.
     fn fail(&self, at: usize, fault: Fault) {
-        let mut state = self.shared.lock();
-        if fault.code != Code::Cancelled {
-            self.add_fault(&mut state, at, fault);
+        if fault.code == Code::Cancelled && self.job.cancel.is_cancelled() {
+            return;
         }
+        let mut state = self.shared.lock();
+        self.add_fault(&mut state, at, fault);
         let mut freed = Vec::new();
         let mut stack = vec![(at, Status::Failed)];
         while let Some((at, status)) = stack.pop() {
