@@ -10,7 +10,7 @@ use serde_json::Value as Json;
 
 use super::pairs::{Pair, Pairs};
 use super::report::{Reason, Status, Why};
-use super::run::PairState;
+use super::schedule::PairState;
 use crate::graph::plan::{Plan, PlanNode};
 use crate::schema::{Access, Shape};
 use crate::value::Digest;

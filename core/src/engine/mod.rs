@@ -9,6 +9,7 @@ mod key;
 mod pairs;
 mod report;
 mod run;
+mod schedule;
 mod store;
 
 use std::collections::HashMap;
@@ -29,7 +30,7 @@ use disk::DiskTier;
 use explain::Journal;
 use files::FileMemos;
 use pairs::Pairs;
-use run::{Shared, Worker};
+use schedule::{PairState, Shared, Worker};
 use store::Store;
 
 /// How an engine is set up.
@@ -270,7 +271,7 @@ impl Engine {
         }
     }
 
-    fn explain(&self, plan: &Plan, shared: &Shared, states: &[run::PairState]) -> Vec<Option<Why>> {
+    fn explain(&self, plan: &Plan, shared: &Shared, states: &[PairState]) -> Vec<Option<Why>> {
         let mut journals = self.journals.lock().unwrap_or_else(PoisonError::into_inner);
         let name = Hasher::new("journal").text(&plan.graph.to_string_lossy()).finish();
         let journal = journals.entry(plan.graph.clone()).or_insert_with(|| {
