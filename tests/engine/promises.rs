@@ -435,3 +435,25 @@ fn a_chain_of_a_hundred_thousand_nodes_runs() {
     // Step of 1.0 gives 1.0: from the second Step on, all are one action.
     assert_eq!(executed(&report).len(), 3);
 }
+
+/// A chain of steps of one value is one action: its pairs are twins, each fed by the other.
+#[test]
+fn twins_in_one_chain_do_not_wait_for_each_other() {
+    let graph = |last: f64| {
+        let mut text = String::from("\"n0\": Const(value: 1.0),");
+        for node in 1..=20 {
+            text += &format!("\"n{node}\": Step(of: \"n{}\", at: 0.5),", node - 1);
+        }
+        text + &format!("\"by\": Scale(of: \"n20\", by: {last:?}), \"out\": Write(of: \"by\", path: \"out.#.txt\")")
+    };
+    let (done, waiting) = std::sync::mpsc::channel();
+    std::thread::spawn(move || {
+        let (bench, engine) = (Bench::new(), engine(0));
+        bench.run(&engine, &graph(2.0));
+        let report = bench.run(&engine, &graph(3.0));
+        assert!(report.faults.is_empty() && report.frames_delivered == 4);
+        done.send(()).expect("somebody waits");
+    });
+    let minute = std::time::Duration::from_secs(60);
+    waiting.recv_timeout(minute).expect("the run comes to an end");
+}

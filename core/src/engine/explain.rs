@@ -55,14 +55,9 @@ fn name(node: &PlanNode, frame: Option<i64>) -> String {
 impl Journal {
     /// The reason of every pair that ran, and the journal brought up to date.
     pub fn explain(&mut self, plan: &Plan, pairs: &Pairs, states: &[PairState]) -> Vec<Option<Why>> {
-        let mut rank = vec![0; plan.nodes.len()];
-        plan.order.iter().enumerate().for_each(|(at, &node)| rank[node] = at);
-        let mut order: Vec<usize> = (0..pairs.list.len()).collect();
-        order.sort_by_key(|&at| rank[pairs.list[at].node]);
-
         let mut changes: Vec<Option<Why>> = (0..states.len()).map(|_| None).collect();
         let mut reasons: Vec<Option<Why>> = (0..states.len()).map(|_| None).collect();
-        for at in order {
+        for at in pairs.in_order(plan) {
             let (pair, state) = (&pairs.list[at], &states[at]);
             let node = &plan.nodes[pair.node];
             let (Some(key), Some(evidence)) = (state.key, &state.evidence) else { continue };

@@ -65,18 +65,17 @@ impl Action<'_> {
 
 fn hash_json(hasher: &mut Hasher, value: &Json) {
     match value {
-        Json::Null => hasher.text("null"),
-        Json::Bool(flag) => hasher.text("bool").int((*flag).into()),
-        Json::String(text) => hasher.text(text),
-        Json::Number(number) => match (number.as_i64(), number.as_u64(), number.as_f64()) {
-            (Some(whole), _, _) => hasher.int(whole.into()),
-            (_, Some(whole), _) => hasher.int(whole.into()),
-            (_, _, number) => hasher.number(number.unwrap_or_default()),
+        Json::Null => _ = hasher.text("null"),
+        Json::Bool(flag) => _ = hasher.text("bool").int((*flag).into()),
+        Json::String(text) => _ = hasher.text(text),
+        Json::Number(number) => match (number.as_i64(), number.as_u64()) {
+            (Some(whole), _) => _ = hasher.int(whole.into()),
+            (_, Some(whole)) => _ = hasher.int(whole.into()),
+            _ => _ = hasher.number(number.as_f64().unwrap_or_default()),
         },
         Json::Array(items) => {
             hasher.text("list").int(items.len() as i128);
             items.iter().for_each(|item| hash_json(hasher, item));
-            return;
         }
         Json::Object(fields) => {
             hasher.text("fields").int(fields.len() as i128);
@@ -84,9 +83,8 @@ fn hash_json(hasher: &mut Hasher, value: &Json) {
                 hasher.text(name);
                 hash_json(hasher, value);
             }
-            return;
         }
-    };
+    }
 }
 
 /// The processor family as far as numeric libraries tell processors apart.

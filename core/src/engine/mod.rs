@@ -229,7 +229,8 @@ impl Engine {
         let reasons = self.explain(plan, shared, &state.pairs);
         let mut nodes = Vec::new();
         let mut outputs = Vec::new();
-        for ((pair, known), why) in shared.pairs.list.iter().zip(&state.pairs).zip(reasons) {
+        for at in shared.pairs.in_order(plan) {
+            let (pair, known, why) = (&shared.pairs.list[at], &state.pairs[at], reasons[at].clone());
             let node = &plan.nodes[pair.node];
             let (Some(status), frame) = (known.status, pair.request.frame) else { continue };
             let record = known.record.as_deref();

@@ -61,6 +61,15 @@ impl Pairs {
         pairs
     }
 
+    /// The pairs, each after its inputs.
+    pub fn in_order(&self, plan: &Plan) -> Vec<usize> {
+        let mut rank = vec![0; plan.nodes.len()];
+        plan.order.iter().enumerate().for_each(|(at, &node)| rank[node] = at);
+        let mut order: Vec<usize> = (0..self.list.len()).collect();
+        order.sort_by_key(|&at| (rank[self.list[at].node], self.list[at].request.frame));
+        order
+    }
+
     fn intern(
         &mut self,
         plan: &Plan,

@@ -116,29 +116,14 @@ impl Worker<'_> {
         self.finished(at);
     }
 
+    /// Recomputing takes no work on the key: a twin that waits for this very pair's inputs may hold it.
     fn materialise(&self, at: usize) {
-        let (key, record) = {
-            let state = self.shared.lock();
-            let pair = &state.pairs[at];
-            let known = pair.key.zip(pair.record.clone());
-            known.expect("only resolved pairs are asked for values")
-        };
+        let record = self.shared.lock().pairs[at].record.clone().expect("only resolved pairs are asked for values");
         if let Some((values, from)) = self.load(&record) {
-            return self.loaded(at, values, from);
-        }
-        let shared = self.shared.clone();
-        self.shared.lock().parked += 1;
-        if !self.engine.store.take_work(key, move || shared.unpark(Task::Materialise(at))) {
-            return;
-        }
-        self.shared.lock().parked -= 1;
-        if let Some((values, from)) = self.load(&record) {
-            self.engine.store.end_work(&key);
             return self.loaded(at, values, from);
         }
         let mut state = self.shared.lock();
-        let pair = &mut state.pairs[at];
-        (pair.working, pair.recompute) = (true, true);
+        state.pairs[at].recompute = true;
         for input in self.shared.pairs.list[at].inputs() {
             state.pairs[input].holds += 1;
         }
@@ -272,7 +257,9 @@ impl Worker<'_> {
         }
         self.release_inputs(&mut state, at);
         drop(state);
-        self.engine.store.end_work(&key);
+        if !is_recompute {
+            self.engine.store.end_work(&key);
+        }
         self.finished(at);
     }
 

@@ -7,6 +7,7 @@
 //! stands in `run`.
 
 use std::collections::HashMap;
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
@@ -71,9 +72,9 @@ pub(crate) struct PairState {
     pub(super) values: Option<Vec<Value>>,
     /// Whether its values are being looked for.
     pub(super) materialising: bool,
-    /// Whether this pair holds the work on its key.
+    /// Whether it executes and holds the work on its key.
     pub(super) working: bool,
-    /// Whether what it computes is known already.
+    /// Whether its values are computed again.
     pub(super) recompute: bool,
     pub(super) done: bool,
     pub key: Option<Digest>,
@@ -149,10 +150,16 @@ impl Worker<'_> {
                 Some(task) => {
                     state.running += 1;
                     drop(state);
-                    self.perform(task);
+                    let performed = catch_unwind(AssertUnwindSafe(|| self.perform(task)));
                     state = self.shared.lock();
                     state.running -= 1;
                     self.shared.wake.notify_all();
+                    if let Err(bug) = performed {
+                        // The other workers must not wait for this one.
+                        state.stopped = true;
+                        drop(state);
+                        resume_unwind(bug);
+                    }
                 }
                 None if state.running == 0 && (state.stopped || state.parked == 0 && state.ready.is_empty()) => break,
                 // A cancel sets no flag that wakes: look again now and then.
@@ -320,8 +327,9 @@ impl Worker<'_> {
             pair.materialising = false;
             if std::mem::take(&mut pair.working) {
                 freed.extend(pair.key);
-                self.release_inputs(&mut state, at);
-            } else if !state.pairs[at].done && state.pairs[at].record.is_none() {
+            }
+            let holds_inputs = std::mem::take(&mut pair.recompute) || !pair.done && pair.record.is_none();
+            if holds_inputs {
                 self.release_inputs(&mut state, at);
             }
             let pair = &mut state.pairs[at];
