@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 
 pub use crate::engine::Context;
 pub use crate::value::Reads;
-use crate::value::{Factor, Field, Grid, Image, Kind, Labels, Mask, Mesh, Points, Rect, Value, Warp, Windows};
+use crate::value::{Factor, Field, Given, Grid, Image, Kind, Labels, Mask, Mesh, Points, Rect, Value, Warp, Windows};
 
 /// A node type: a struct whose fields are its ports ([`In`]) and parameters.
 ///
@@ -194,8 +194,8 @@ pub trait Port: 'static {
     const KINDS: &'static [Kind];
     /// Whether only windows are seen, so that pixels do not enter the node's key.
     const WINDOWS_ONLY: bool = false;
-    /// The view of a value of one of `KINDS`.
-    fn see(value: &Value) -> Option<Self::Seen>;
+    /// The view of what is given of a value of one of `KINDS`.
+    fn see(given: &Given) -> Option<Self::Seen>;
 }
 
 macro_rules! port_of_kind {
@@ -203,9 +203,9 @@ macro_rules! port_of_kind {
         impl Port for $kind {
             type Seen = Arc<$kind>;
             const KINDS: &'static [Kind] = &[Kind::$kind];
-            fn see(value: &Value) -> Option<Arc<$kind>> {
-                match value {
-                    Value::$kind(seen) => Some(seen.clone()),
+            fn see(given: &Given) -> Option<Arc<$kind>> {
+                match given {
+                    Given::Value(Value::$kind(seen)) => Some(seen.clone()),
                     _ => None,
                 }
             }
@@ -218,9 +218,9 @@ port_of_kind!(Image, Mask, Field, Labels, Grid, Warp, Factor, Points, Mesh);
 impl Port for f64 {
     type Seen = f64;
     const KINDS: &'static [Kind] = &[Kind::Number];
-    fn see(value: &Value) -> Option<f64> {
-        match value {
-            Value::Number(number) => Some(*number),
+    fn see(given: &Given) -> Option<f64> {
+        match given {
+            Given::Value(Value::Number(number)) => Some(*number),
             _ => None,
         }
     }
@@ -233,8 +233,11 @@ impl Port for Domain {
     type Seen = Windows;
     const KINDS: &'static [Kind] = &[Kind::Image, Kind::Mask, Kind::Field, Kind::Labels];
     const WINDOWS_ONLY: bool = true;
-    fn see(value: &Value) -> Option<Windows> {
-        value.windows()
+    fn see(given: &Given) -> Option<Windows> {
+        match given {
+            Given::Windows(windows) => Some(*windows),
+            Given::Value(_) => None,
+        }
     }
 }
 
@@ -244,8 +247,8 @@ pub struct Raster;
 impl Port for Raster {
     type Seen = Value;
     const KINDS: &'static [Kind] = Domain::KINDS;
-    fn see(value: &Value) -> Option<Value> {
-        value.windows().map(|_| value.clone())
+    fn see(given: &Given) -> Option<Value> {
+        Any::see(given)
     }
 }
 
@@ -255,8 +258,11 @@ pub struct Any;
 impl Port for Any {
     type Seen = Value;
     const KINDS: &'static [Kind] = &Kind::OWN;
-    fn see(value: &Value) -> Option<Value> {
-        Some(value.clone())
+    fn see(given: &Given) -> Option<Value> {
+        match given {
+            Given::Value(value) => Some(value.clone()),
+            Given::Windows(_) => None,
+        }
     }
 }
 

@@ -109,7 +109,7 @@ impl Node for Window {
     fn compute(&self, cx: &Context) -> Result<Outputs, NodeError> {
         count();
         let answers = cx.answers(&self.of);
-        let sum = answers.iter().fold(0.0, |sum, (_, number)| sum + number);
+        let sum = answers.iter().fold(0.0, |sum, number| sum + number);
         Ok((sum / answers.len() as f64).into())
     }
 }
@@ -134,7 +134,7 @@ impl Node for Shot {
     }
     fn compute(&self, cx: &Context) -> Result<Outputs, NodeError> {
         count();
-        Ok(cx.answers(&self.of).iter().fold(0.0, |sum, (_, number)| (sum + number) % 1000.0).into())
+        Ok(cx.answers(&self.of).iter().fold(0.0, |sum, number| (sum + number) % 1000.0).into())
     }
 }
 

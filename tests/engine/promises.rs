@@ -16,14 +16,17 @@ use warploom_core::registry::Registry;
 use crate::nodes::{COMPUTED, NODES};
 use crate::random::plan;
 
+/// A folder for a graph and its files; one at a time, because computations are counted.
 struct Bench {
     folder: tempfile::TempDir,
     registry: Registry,
+    _serial: std::sync::MutexGuard<'static, ()>,
 }
 
 impl Bench {
     fn new() -> Self {
-        Self { folder: tempfile::tempdir().expect("a folder"), registry: Registry::new(NODES) }
+        let folder = tempfile::tempdir().expect("a folder");
+        Self { folder, registry: Registry::new(NODES), _serial: crate::serial() }
     }
 
     fn path(&self, name: &str) -> PathBuf {
@@ -104,7 +107,6 @@ fn a_port_that_reads_one_channel_does_not_run_for_another() {
 
 #[test]
 fn two_runs_that_want_one_value_compute_it_once() {
-    let _serial = crate::serial();
     let (bench, engine) = (Bench::new(), engine(ROOMY));
     let before = COMPUTED.load(Ordering::Relaxed);
     let graph = |name: &str| {
@@ -174,7 +176,6 @@ fn what_was_not_kept_is_recomputed_and_must_come_out_the_same() {
     assert_eq!(executed(&report).len(), 8, "b and out for each frame, and no more");
 
     let drifting = engine(0);
-    let _serial = crate::serial();
     bench.run(&drifting, &graph("Drift()", 1.0));
     let report = bench.run(&drifting, &graph("Drift()", 2.0));
     assert!(

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::io::Io;
 use crate::node::{ErrorClass, In, NodeError, Port, ReadPath, Request, WritePath};
-use crate::value::{BufferMut, Digest, Sample, Value};
+use crate::value::{BufferMut, Digest, Given, Sample};
 
 /// A file that a sink wrote.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -27,7 +27,7 @@ pub(crate) trait Control: Sync {
 
 /// What a node sees while it computes: its inputs, its files, its budget; and how it is told to stop.
 pub struct Context<'a> {
-    pub(crate) inputs: &'a [Vec<(Request, Value)>],
+    pub(crate) inputs: &'a [Vec<Given>],
     pub(crate) request: &'a Request,
     pub(crate) frame: Option<i64>,
     pub(crate) files: &'a [(PathBuf, Digest)],
@@ -41,7 +41,7 @@ pub struct Context<'a> {
 impl Context<'_> {
     /// What feeds `port`, if it asks for one request as most do.
     pub fn get<K: Port>(&self, port: &In<K>) -> K::Seen {
-        see::<K>(&self.inputs[port.slot][0].1)
+        see::<K>(&self.inputs[port.slot][0])
     }
 
     /// What feeds an optional port.
@@ -55,8 +55,8 @@ impl Context<'_> {
     }
 
     /// The answers to all requests that `needs` made of `port`, in its order.
-    pub fn answers<K: Port>(&self, port: &In<K>) -> Vec<(Request, K::Seen)> {
-        self.inputs[port.slot].iter().map(|(request, value)| (request.clone(), see::<K>(value))).collect()
+    pub fn answers<K: Port>(&self, port: &In<K>) -> Vec<K::Seen> {
+        self.inputs[port.slot].iter().map(see::<K>).collect()
     }
 
     /// What is asked for. Its frame is only there for node types that declare to read it.
@@ -66,7 +66,7 @@ impl Context<'_> {
 
     /// Zeros to draw on; refused if this node's allocations pass the memory budget.
     pub fn plane<T: Sample>(&self, width: usize, height: usize) -> Result<BufferMut<T>, NodeError> {
-        self.reserve(width as u128 * height as u128 * size_of::<T>() as u128)?;
+        self.reserve(BufferMut::<T>::bytes_for(width, height))?;
         Ok(BufferMut::zeroed(width, height))
     }
 
@@ -117,8 +117,8 @@ impl Context<'_> {
     }
 }
 
-fn see<K: Port>(value: &Value) -> K::Seen {
-    K::see(value).expect("the graph's check lets only fitting kinds through")
+fn see<K: Port>(given: &Given) -> K::Seen {
+    K::see(given).expect("the graph's check lets only fitting kinds through")
 }
 
 pub(crate) fn cannot_read(path: &Path, error: &std::io::Error) -> String {

@@ -69,7 +69,11 @@ impl Journal {
                 inputs: connections(plan, node, evidence),
                 files: evidence.files.clone(),
             };
-            let before = self.0.insert(name(node, pair.request.frame), now.clone());
+            let name = name(node, pair.request.frame);
+            let before = match state.record {
+                Some(_) => self.0.insert(name, now.clone()),
+                None => self.0.get(&name).cloned(),
+            };
             changes[at] = match &before {
                 None => {
                     let text = format!("`{}` runs here for the first time", node.id);
@@ -77,7 +81,7 @@ impl Journal {
                 }
                 Some(before) if before.key == key => None,
                 Some(before) => Some(
-                    own_change(plan, pair.node, before, &now)
+                    own_change(plan, pair, before, &now, &changes)
                         .or_else(|| inherited(pair, before, &now, &changes))
                         .unwrap_or_else(|| rewired(plan, pair.node, before, &now)),
                 ),
@@ -120,7 +124,8 @@ fn plain(plan: &Plan, index: usize, param: Option<&str>, code: Reason, text: Str
 }
 
 /// A change of the node's own: its type, version, parameters or files.
-fn own_change(plan: &Plan, index: usize, before: &Entry, now: &Entry) -> Option<Why> {
+fn own_change(plan: &Plan, pair: &Pair, before: &Entry, now: &Entry, changes: &[Option<Why>]) -> Option<Why> {
+    let index = pair.node;
     let node = &plan.nodes[index];
     if (&before.node_type, before.version) != (&now.node_type, now.version) {
         let describe = |entry: &Entry| format!("{} {}", entry.node_type, entry.version);
@@ -129,7 +134,10 @@ fn own_change(plan: &Plan, index: usize, before: &Entry, now: &Entry) -> Option<
         let why = plain(plan, index, None, Reason::Version, text);
         return Some(Why { old: Some(old.into()), new: Some(new.into()), ..why });
     }
-    for param in &node.node_type.params {
+    // A linked parameter's change is that of the node it is linked to.
+    let links = node.params.links().into_iter().zip(&pair.links);
+    let linked: Vec<String> = links.filter(|(_, from)| changes[**from].is_some()).map(|(name, _)| name).collect();
+    for param in node.node_type.params.iter().filter(|param| !linked.contains(&param.name)) {
         let (old, new) = (before.params.get(&param.name), now.params.get(&param.name));
         let by_content = matches!(param.shape, Shape::Port(_) | Shape::Text(Some(Access::Read)));
         if old != new && !by_content {

@@ -51,7 +51,7 @@ impl FileMemos {
             return Ok(memo.digest);
         }
         let made = now();
-        let digest = Digest::of_bytes(&io.read(path)?);
+        let digest = io.digest(path)?;
         let memo = Memo { stat, made, digest };
         // A file that was written meanwhile has another stat now, so the memo cannot be taken for its new content.
         lock().insert(path.to_owned(), memo);

@@ -7,6 +7,8 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use serde::{Deserialize, Serialize};
 
+use crate::value::Digest;
+
 /// What a file system says of a file without reading it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Stat {
@@ -28,6 +30,10 @@ pub trait Io: Send + Sync {
     fn stat(&self, path: &Path) -> io::Result<Stat>;
     /// The whole content.
     fn read(&self, path: &Path) -> io::Result<Vec<u8>>;
+    /// Digest of the whole content.
+    fn digest(&self, path: &Path) -> io::Result<Digest> {
+        Ok(Digest::of_bytes(&self.read(path)?))
+    }
     /// Writes a file whole or not at all: a temporary file in the same folder, then a rename. Makes missing folders.
     fn write(&self, path: &Path, bytes: &[u8]) -> io::Result<()>;
     /// Removes a file.
@@ -49,6 +55,13 @@ impl Io for Disk {
     fn read(&self, path: &Path) -> io::Result<Vec<u8>> {
         self.stat(path)?;
         std::fs::read(path)
+    }
+
+    fn digest(&self, path: &Path) -> io::Result<Digest> {
+        self.stat(path)?;
+        let mut hasher = blake3::Hasher::new();
+        hasher.update_reader(std::fs::File::open(path)?)?;
+        Ok(Digest(*hasher.finalize().as_bytes()))
     }
 
     fn write(&self, path: &Path, bytes: &[u8]) -> io::Result<()> {

@@ -67,7 +67,7 @@ fn hash_json(hasher: &mut Hasher, value: &Json) {
     match value {
         Json::Null => _ = hasher.text("null"),
         Json::Bool(flag) => _ = hasher.text("bool").int((*flag).into()),
-        Json::String(text) => _ = hasher.text(text),
+        Json::String(text) => _ = hasher.text("text").text(text),
         Json::Number(number) => match (number.as_i64(), number.as_u64()) {
             (Some(whole), _) => _ = hasher.int(whole.into()),
             (_, Some(whole)) => _ = hasher.int(whole.into()),

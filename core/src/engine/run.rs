@@ -14,10 +14,10 @@ use super::report::{From, Status};
 use super::schedule::{Task, Worker};
 use super::store::{Record, Tier};
 use crate::diag::{Code, Fault};
-use crate::graph::plan::PlanNode;
-use crate::node::{NodeError, Outputs, Request};
+use crate::graph::plan::{PlanNode, Slot};
+use crate::node::{NodeError, Outputs};
 use crate::schema::Access;
-use crate::value::{Digest, Outline, Value};
+use crate::value::{Digest, Given, Outline, Value};
 
 impl Worker<'_> {
     pub(super) fn perform(&self, task: Task) {
@@ -38,7 +38,7 @@ impl Worker<'_> {
             Ok(found) => found,
             Err(fault) => return self.fail(at, fault),
         };
-        let trigger = match self.engine.store.record(&key) {
+        let trigger = match self.known(at, &key) {
             Some(record) => match self.artifacts_changed(&record) {
                 None => return self.resolved(at, key, evidence, record),
                 trigger => trigger,
@@ -52,7 +52,7 @@ impl Worker<'_> {
         }
         self.shared.lock().parked -= 1;
         // Somebody may have finished it since it was looked up.
-        if let Some(record) = self.engine.store.record(&key).filter(|record| self.artifacts_changed(record).is_none()) {
+        if let Some(record) = self.known(at, &key).filter(|record| self.artifacts_changed(record).is_none()) {
             self.engine.store.end_work(&key);
             return self.resolved(at, key, evidence, record);
         }
@@ -60,6 +60,12 @@ impl Worker<'_> {
         let pair = &mut state.pairs[at];
         (pair.key, pair.evidence, pair.trigger, pair.working) = (Some(key), Some(evidence), trigger, true);
         self.gather(&mut state, at);
+    }
+
+    /// The record of a key, if it can be this node's.
+    fn known(&self, at: usize, key: &Digest) -> Option<Arc<Record>> {
+        let outputs = self.node(at).node_type.outputs.len();
+        self.engine.store.record(key).filter(|record| record.outputs.len() == outputs)
     }
 
     /// The key, and what it was made of.
@@ -119,7 +125,7 @@ impl Worker<'_> {
     /// Recomputing takes no work on the key: a twin that waits for this very pair's inputs may hold it.
     fn materialise(&self, at: usize) {
         let record = self.shared.lock().pairs[at].record.clone().expect("only resolved pairs are asked for values");
-        if let Some((values, from)) = self.load(&record) {
+        if let Some((values, from)) = self.engine.pool.install(|| self.load(&record)) {
             return self.loaded(at, values, from);
         }
         let mut state = self.shared.lock();
@@ -154,11 +160,11 @@ impl Worker<'_> {
     fn deliver(&self, at: usize) {
         let values = self.shared.lock().pairs[at].values.clone().expect("held for delivery");
         let pair = &self.shared.pairs.list[at];
-        let frame = self.shared.pairs.frames[self.frame_of_target[&at]].0.filter(|_| pair.request.frame.is_some());
-        let delivered = (self.job.on_values)(pair.node, frame, &values);
+        let delivered = self.engine.pool.install(|| (self.job.on_values)(pair.node, pair.request.frame, &values));
         let mut state = self.shared.lock();
         if let Err(fault) = delivered {
             self.add_fault(&mut state, at, fault);
+            state.pairs[at].status = Some(Status::Failed);
         }
         self.release(&mut state, at);
         self.close_target(&mut state, at);
@@ -168,14 +174,16 @@ impl Worker<'_> {
         let (pair, node) = (&self.shared.pairs.list[at], self.node(at));
         let (inputs, params, files) = {
             let state = self.shared.lock();
-            let inputs: Vec<Vec<(Request, Value)>> = (node.slots.iter().zip(&pair.slots))
-                .map(|(slot, from)| {
-                    let answer = |&p: &usize| {
-                        let values = state.pairs[p].values.as_ref().expect("inputs are held");
-                        (self.shared.pairs.list[p].request.clone(), slot.reads.restrict(&values[slot.output]))
-                    };
-                    from.iter().map(answer).collect()
+            let given = |slot: &Slot, from: usize| {
+                let input = &state.pairs[from];
+                let outline = &input.record.as_ref().expect("inputs are resolved").outputs[slot.output];
+                slot.reads.without_value(outline).unwrap_or_else(|| {
+                    let values = input.values.as_ref().expect("inputs are held");
+                    slot.reads.restrict(&values[slot.output])
                 })
+            };
+            let inputs: Vec<Vec<Given>> = (node.slots.iter().zip(&pair.slots))
+                .map(|(slot, from)| from.iter().map(|&from| given(slot, from)).collect())
                 .collect();
             let evidence = state.pairs[at].evidence.as_ref().expect("resolved before it computes");
             (inputs, evidence.params.clone(), evidence.files.clone())
@@ -193,30 +201,32 @@ impl Worker<'_> {
             artifacts: Mutex::default(),
         };
         self.job.observer.event(Event::Started { node: &node.id, frame: pair.request.frame });
-        let start = Instant::now();
         let computed = catch_unwind(AssertUnwindSafe(|| {
             self.engine.pool.install(|| {
+                let start = Instant::now();
                 let instance = node.node_type.make(&serde_json::Value::Object(params));
                 let outputs = instance.compute(&context)?;
                 assert_eq!(outputs.values.len(), node.node_type.outputs.len(), "one value per declared output");
                 let outlines: Vec<Outline> = outputs.values.iter().map(Outline::of).collect();
-                Ok::<_, NodeError>((outputs, outlines))
+                Ok::<_, NodeError>((outputs, outlines, start.elapsed().as_secs_f64()))
             })
         }));
-        let seconds = start.elapsed().as_secs_f64();
         let artifacts = context.artifacts.into_inner().unwrap_or_else(PoisonError::into_inner);
         match computed {
-            Ok(Ok((outputs, outlines))) => self.computed(at, outputs, outlines, artifacts, seconds),
+            Ok(Ok((outputs, outlines, seconds))) => self.computed(at, outputs, outlines, artifacts, seconds),
             Ok(Err(error)) => self.fail(at, node_fault(error)),
-            Err(panic) => {
-                let text = (panic.downcast_ref::<&str>().map(|text| text.to_string()))
-                    .or_else(|| panic.downcast_ref::<String>().cloned())
-                    .unwrap_or_default();
-                let message = format!("`{}` of type {} panicked: {text}", node.id, node.node_type.name);
-                let hint = "this is a bug of the node; please report it with the graph".to_owned();
-                self.fail(at, Fault::new(Code::Panic, message).hint(hint));
-            }
+            Err(panic) => self.fail(at, self.panic_fault(at, panic)),
         }
+    }
+
+    /// The fault for a panic on the way of a pair.
+    pub(super) fn panic_fault(&self, at: usize, panic: Box<dyn std::any::Any + Send>) -> Fault {
+        let node = self.node(at);
+        let text = (panic.downcast_ref::<&str>().map(|text| text.to_string()))
+            .or_else(|| panic.downcast_ref::<String>().cloned())
+            .unwrap_or_default();
+        let message = format!("`{}` of type {} panicked: {text}", node.id, node.node_type.name);
+        Fault::new(Code::Panic, message).hint("this is a bug; please report it with the graph".to_owned())
     }
 
     fn computed(&self, at: usize, outputs: Outputs, outlines: Vec<Outline>, artifacts: Vec<Artifact>, seconds: f64) {
@@ -235,9 +245,11 @@ impl Worker<'_> {
             let hint = format!("{} is not deterministic: its results cannot be trusted to repeat", node.node_type.name);
             return self.fail(at, Fault::new(Code::Nondeterministic, message).hint(hint));
         }
-        for (outline, value) in outlines.iter().zip(&outputs.values) {
-            self.engine.store.insert_value(outline, value, seconds);
-        }
+        self.engine.pool.install(|| {
+            for (outline, value) in outlines.iter().zip(&outputs.values) {
+                self.engine.store.insert_value(outline, value, seconds);
+            }
+        });
         let is_recompute = known.is_some();
         let record = known.unwrap_or_else(|| {
             let record = Arc::new(Record { outputs: outlines, artifacts, stats: outputs.stats, seconds });

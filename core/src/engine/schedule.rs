@@ -7,7 +7,7 @@
 //! stands in `run`.
 
 use std::collections::HashMap;
-use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
@@ -18,7 +18,7 @@ use super::store::Record;
 use super::{Engine, Event, Job};
 use crate::diag::{Code, Fault};
 use crate::graph::plan::Plan;
-use crate::value::{Digest, Value};
+use crate::value::{Digest, Reads, Value};
 
 /// One run: what all workers share, and what a waker from another run may reach.
 pub(crate) struct Shared {
@@ -43,6 +43,8 @@ pub(crate) struct State {
     /// Frames admitted and not done.
     open_frames: usize,
     stopped: bool,
+    /// Keys whose work is given back as soon as the lock is free.
+    freed: Vec<Digest>,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -55,6 +57,14 @@ pub(super) enum Task {
     Compute(usize),
     /// Hand a target's values out.
     Deliver(usize),
+}
+
+impl Task {
+    fn pair(self) -> usize {
+        match self {
+            Task::Resolve(at) | Task::Materialise(at) | Task::Compute(at) | Task::Deliver(at) => at,
+        }
+    }
 }
 
 /// What is known of a pair so far.
@@ -76,6 +86,8 @@ pub(crate) struct PairState {
     pub(super) working: bool,
     /// Whether its values are computed again.
     pub(super) recompute: bool,
+    /// Its values cannot be had: whoever wants them fails.
+    pub(super) lost: bool,
     pub(super) done: bool,
     pub key: Option<Digest>,
     pub record: Option<Arc<Record>>,
@@ -110,6 +122,7 @@ impl Shared {
             open_targets,
             open_frames: 0,
             stopped: false,
+            freed: Vec::new(),
         };
         Self { plan, pairs, state: Mutex::new(state), wake: Condvar::new() }
     }
@@ -150,16 +163,19 @@ impl Worker<'_> {
                 Some(task) => {
                     state.running += 1;
                     drop(state);
-                    let performed = catch_unwind(AssertUnwindSafe(|| self.perform(task)));
+                    if let Err(panic) = catch_unwind(AssertUnwindSafe(|| self.perform(task))) {
+                        self.fail(task.pair(), self.panic_fault(task.pair(), panic));
+                    }
                     state = self.shared.lock();
+                    let freed = std::mem::take(&mut state.freed);
+                    if !freed.is_empty() {
+                        // Not under the lock: it wakes pairs of this run and of others.
+                        drop(state);
+                        freed.iter().for_each(|key| self.engine.store.end_work(key));
+                        state = self.shared.lock();
+                    }
                     state.running -= 1;
                     self.shared.wake.notify_all();
-                    if let Err(bug) = performed {
-                        // The other workers must not wait for this one.
-                        state.stopped = true;
-                        drop(state);
-                        resume_unwind(bug);
-                    }
                 }
                 None if state.running == 0 && (state.stopped || state.parked == 0 && state.ready.is_empty()) => break,
                 // A cancel sets no flag that wakes: look again now and then.
@@ -250,12 +266,19 @@ impl Worker<'_> {
         }
     }
 
-    /// Arranges for the pair to compute once all its inputs' values are held.
+    /// Arranges for the pair to compute once all its inputs' values are held. Of inputs that are read for their
+    /// windows alone, the outline is enough.
     pub(super) fn gather(&self, state: &mut State, at: usize) {
-        let mut inputs: Vec<usize> = self.shared.pairs.list[at].slots.iter().flatten().copied().collect();
+        let pair = &self.shared.pairs.list[at];
+        let slots = self.node(at).slots.iter().zip(&pair.slots);
+        let mut inputs: Vec<usize> =
+            slots.filter(|(slot, _)| slot.reads != Reads::Windows).flat_map(|(_, from)| from).copied().collect();
         inputs.sort_unstable();
         inputs.dedup();
         inputs.retain(|&input| state.pairs[input].values.is_none());
+        if inputs.iter().any(|&input| state.pairs[input].lost) {
+            return self.spread_failure(state, at, Status::Skipped);
+        }
         state.pairs[at].awaited = inputs.len();
         for &input in &inputs {
             state.pairs[input].waiters.push(at);
@@ -319,34 +342,40 @@ impl Worker<'_> {
         }
         let mut state = self.shared.lock();
         self.add_fault(&mut state, at, fault);
-        let mut freed = Vec::new();
-        let mut stack = vec![(at, Status::Failed)];
+        self.spread_failure(&mut state, at, Status::Failed);
+        self.shared.wake.notify_all();
+    }
+
+    fn spread_failure(&self, state: &mut State, at: usize, status: Status) {
+        let mut stack = vec![(at, status)];
         while let Some((at, status)) = stack.pop() {
             let pair = &mut state.pairs[at];
             let waiters = std::mem::take(&mut pair.waiters);
-            pair.materialising = false;
-            if std::mem::take(&mut pair.working) {
-                freed.extend(pair.key);
-            }
-            let holds_inputs = std::mem::take(&mut pair.recompute) || !pair.done && pair.record.is_none();
-            if holds_inputs {
-                self.release_inputs(&mut state, at);
-            }
-            let pair = &mut state.pairs[at];
             let was_resolved = pair.record.is_some();
-            if status == Status::Failed || !was_resolved {
+            (pair.materialising, pair.lost) = (false, true);
+            if status == Status::Failed || !pair.done {
                 pair.status = Some(status);
             }
-            self.close_target(&mut state, at);
+            if std::mem::take(&mut pair.working) {
+                state.freed.extend(state.pairs[at].key);
+            }
+            let pair = &mut state.pairs[at];
+            let holds_inputs = std::mem::take(&mut pair.recompute) || !pair.done && !was_resolved;
+            if std::mem::take(&mut pair.awaited) > 0 {
+                for input in self.shared.pairs.list[at].inputs() {
+                    state.pairs[input].waiters.retain(|&waiter| waiter != at);
+                }
+            }
+            if holds_inputs {
+                self.release_inputs(state, at);
+            }
+            self.close_target(state, at);
             stack.extend(waiters.into_iter().map(|waiter| (waiter, Status::Skipped)));
             if !was_resolved {
                 let consumers = self.shared.pairs.list[at].consumers.iter().copied();
                 stack.extend(consumers.filter(|&c| !state.pairs[c].done).map(|c| (c, Status::Skipped)));
             }
         }
-        drop(state);
-        self.shared.wake.notify_all();
-        freed.iter().for_each(|key| self.engine.store.end_work(key));
     }
 
     /// Gives back work that a stopped run had taken and not done.

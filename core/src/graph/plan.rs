@@ -1,6 +1,6 @@
 //! A checked graph: names resolved, defaults filled, order known. Whoever runs it needs no other knowledge.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use serde_json::Value as Json;
@@ -158,15 +158,20 @@ impl Plan {
                     Step::Index(_) => "",
                 };
                 let code = if value.is_finite() { Code::OutOfRange } else { Code::NotFinite };
-                Fault::new(code, format!("`{name}` comes to {value} here; it must be {allowed}"))
+                let unit = self.nodes[node].node_type.param(name).and_then(|param| param.unit.as_deref());
+                let unit = unit.map(|unit| format!(" {unit}")).unwrap_or_default();
+                let value = shown(value);
+                Fault::new(code, format!("`{name}` comes to {value}{unit} here; it must be {allowed}{unit}"))
                     .parameter(name)
                     .place(Some(self.sources.place(hole.at)))
             })?;
             *target(&mut json, &hole.path) = filled;
         }
+        let folder = self.graph.parent().unwrap_or(Path::new(""));
         for (name, _) in &params.paths {
             if let (Some(frame), Some(Json::String(path))) = (frame, json.get_mut(name)) {
-                *path = frames::expand_pattern(path, frame);
+                let (folder, rest) = frames::split_folder(path, folder);
+                *path = format!("{folder}{}", frames::expand_pattern(rest, frame));
             }
         }
         Ok(json)
@@ -197,10 +202,16 @@ fn fill(shape: &Shape, value: f64) -> Result<Json, String> {
             let fits = (min..=max).contains(&whole);
             if fits { Ok(json_integer(whole)) } else { Err(range.to_string()) }
         }
-        Shape::Number(range) if *range == Range::default() => Err("a finite number".into()),
+        Shape::Number(range) if *range == Range::default() => Err("finite".into()),
         Shape::Number(range) => Err(range.to_string()),
         other => Err(other.describe(None)),
     }
+}
+
+/// A number as a person writes it: `5`, `0.25`, `1e300`.
+pub(crate) fn shown(value: f64) -> String {
+    let text = format!("{value:?}");
+    text.strip_suffix(".0").map_or(text.clone(), str::to_owned)
 }
 
 /// A JSON number that stays a float; -0.0 becomes 0.0. `value` is finite.
@@ -222,7 +233,8 @@ pub fn interpolate(keys: &[(i64, f64)], frame: i64) -> f64 {
     let after = keys.partition_point(|&(at, _)| at <= frame);
     match (after.checked_sub(1).map(|before| keys[before]), keys.get(after)) {
         (Some((f0, v0)), Some(&(f1, v1))) if v0 != v1 => {
-            let part = (frame - f0) as f64 / (f1 - f0) as f64;
+            let distance = |from: i64, to: i64| (i128::from(to) - i128::from(from)) as f64;
+            let part = distance(f0, frame) / distance(f0, f1);
             v0 * (1.0 - part) + v1 * part
         }
         (Some((_, value)), _) | (None, Some(&(_, value))) => value,

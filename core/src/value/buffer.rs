@@ -106,7 +106,11 @@ impl<T: Sample> Buffer<T> {
     /// Digest of shape and samples (gaps left out), computed once per buffer: BLAKE3 of the digests of bands of
     /// a fixed size, so that bands are hashed side by side and the result depends on no thread count.
     pub fn digest(&self) -> Digest {
-        *self.shared.digest.get_or_init(|| {
+        if let Some(known) = self.shared.digest.get() {
+            return *known;
+        }
+        // Not inside `get_or_init`: the thread pool may have this thread ask for the same digest meanwhile.
+        let digest = {
             let rows_per_band = (BAND_BYTES / (self.width.max(1) * size_of::<T>())).max(1);
             let bands: Vec<Digest> = (0..self.height.div_ceil(rows_per_band))
                 .into_par_iter()
@@ -125,7 +129,8 @@ impl<T: Sample> Buffer<T> {
                 hasher.digest(band);
             });
             hasher.finish()
-        })
+        };
+        *self.shared.digest.get_or_init(|| digest)
     }
 }
 
@@ -157,6 +162,11 @@ impl<T: Sample> BufferMut<T> {
     pub fn zeroed(width: usize, height: usize) -> Self {
         let stride = width.next_multiple_of(SAMPLES_PER_LINE);
         Self { heap: Heap::zeroed(stride / SAMPLES_PER_LINE * height), width, height, stride, sample: PhantomData }
+    }
+
+    /// Bytes that `width` x `height` samples take, gaps between rows included.
+    pub fn bytes_for(width: usize, height: usize) -> u128 {
+        width.next_multiple_of(SAMPLES_PER_LINE) as u128 * height as u128 * size_of::<T>() as u128
     }
 
     /// Samples per row.

@@ -37,46 +37,45 @@ struct LayerHeader {
 
 /// The bytes of a value; `None` for kinds that live in memory only.
 pub fn encode(value: &Value) -> Option<Vec<u8>> {
-    let mut blocks = Vec::with_capacity(value.bytes() as usize + 4096);
-    let header = match value {
+    let header = serde_json::to_vec(&header(value)?).ok()?;
+    let mut bytes = Vec::with_capacity(8 + header.len() + value.bytes() as usize);
+    bytes.extend_from_slice(&(header.len() as u64).to_le_bytes());
+    bytes.extend_from_slice(&header);
+    match value {
         Value::Image(image) => {
             for channel in image.layers.iter().flat_map(|layer| &layer.channels) {
                 match &channel.plane {
-                    Plane::F32(buffer) => push_rows(&mut blocks, buffer),
-                    Plane::U32(buffer) => push_rows(&mut blocks, buffer),
+                    Plane::F32(buffer) => push_rows(&mut bytes, buffer),
+                    Plane::U32(buffer) => push_rows(&mut bytes, buffer),
                 }
             }
-            image_header(image)
         }
-        Value::Mask(mask) => {
-            push_rows(&mut blocks, &mask.0.samples);
-            Header::Mask(mask.0.windows)
-        }
-        Value::Field(field) => {
-            push_rows(&mut blocks, &field.0.samples);
-            Header::Field(field.0.windows)
-        }
-        Value::Labels(labels) => {
-            push_rows(&mut blocks, &labels.raster.samples);
-            Header::Labels { windows: labels.raster.windows, table: labels.table.clone() }
-        }
-        Value::Grid(grid) => Header::Grid(**grid),
+        Value::Mask(mask) => push_rows(&mut bytes, &mask.0.samples),
+        Value::Field(field) => push_rows(&mut bytes, &field.0.samples),
+        Value::Labels(labels) => push_rows(&mut bytes, &labels.raster.samples),
         Value::Warp(warp) => {
-            blocks.extend_from_slice(bytemuck::cast_slice(&warp.x));
-            blocks.extend_from_slice(bytemuck::cast_slice(&warp.y));
-            Header::Warp { grid: warp.grid, direction: warp.direction }
+            bytes.extend_from_slice(bytemuck::cast_slice(&warp.x));
+            bytes.extend_from_slice(bytemuck::cast_slice(&warp.y));
         }
+        _ => {}
+    }
+    Some(bytes)
+}
+
+fn header(value: &Value) -> Option<Header> {
+    Some(match value {
+        Value::Image(image) => image_header(image),
+        Value::Mask(mask) => Header::Mask(mask.0.windows),
+        Value::Field(field) => Header::Field(field.0.windows),
+        Value::Labels(labels) => Header::Labels { windows: labels.raster.windows, table: labels.table.clone() },
+        Value::Grid(grid) => Header::Grid(**grid),
+        Value::Warp(warp) => Header::Warp { grid: warp.grid, direction: warp.direction },
         Value::Points(points) => Header::Points((**points).clone()),
         Value::Mesh(mesh) => Header::Mesh((**mesh).clone()),
         Value::Number(number) => Header::Number(number.to_bits()),
         Value::Text(text) => Header::Text(text.to_string()),
         Value::Factor(_) | Value::Plugin(_) => return None,
-    };
-    let header = serde_json::to_vec(&header).ok()?;
-    let mut bytes = (header.len() as u64).to_le_bytes().to_vec();
-    bytes.extend_from_slice(&header);
-    bytes.append(&mut blocks);
-    Some(bytes)
+    })
 }
 
 fn image_header(image: &Image) -> Header {

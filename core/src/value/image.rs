@@ -111,14 +111,6 @@ pub enum Plane {
 }
 
 impl Plane {
-    /// Columns and rows.
-    pub fn size(&self) -> (usize, usize) {
-        match self {
-            Plane::F32(buffer) => (buffer.width(), buffer.height()),
-            Plane::U32(buffer) => (buffer.width(), buffer.height()),
-        }
-    }
-
     /// Digest of the samples.
     pub fn digest(&self) -> Digest {
         match self {
@@ -145,6 +137,13 @@ pub struct Channel {
     pub sample_type: SampleType,
     /// The samples, of the layer's data window.
     pub plane: Plane,
+}
+
+impl Channel {
+    /// Digest of all but its name.
+    pub fn digest(&self) -> Digest {
+        Hasher::new("channel").int(self.sample_type as i128).digest(&self.plane.digest()).finish()
+    }
 }
 
 /// The planes of one part of a file; all cover `data`.
@@ -209,11 +208,12 @@ impl Image {
         Windows { display: self.display, data: self.primary().data, pixel_aspect: self.pixel_aspect }
     }
 
-    /// The picture with those channels of its first layer alone, and no metadata.
+    /// The picture with those channels of its first layer alone, without names of layers and metadata.
     pub fn with_channels_only(&self, names: &[String]) -> Self {
         let primary = self.primary();
         let channels = primary.channels.iter().filter(|c| names.iter().any(|name| **name == *c.name)).cloned();
-        let layer = Layer { channels: channels.collect(), metadata: Arc::default(), ..primary.clone() };
+        let (data, channels) = (primary.data, channels.collect());
+        let layer = Layer { name: "".into(), data, channels, metadata: Arc::default() };
         Self { layers: vec![layer], metadata: Arc::default(), ..self.clone() }
     }
 
@@ -229,7 +229,7 @@ impl Image {
             hash_metadata(&mut hasher, &layer.metadata);
             hasher.int(layer.channels.len() as i128);
             for channel in &layer.channels {
-                hasher.text(&channel.name).int(channel.sample_type as i128).digest(&channel.plane.digest());
+                hasher.text(&channel.name).digest(&channel.digest());
             }
         }
         hasher.finish()

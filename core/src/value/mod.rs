@@ -15,7 +15,7 @@ pub use buffer::{Buffer, BufferMut, Sample, Storage};
 pub use codec::{decode, encode};
 pub use digest::{Digest, Hasher};
 pub use image::{Attribute, Channel, Image, Layer, Metadata, Plane, Rect, SampleType, Windows};
-pub use outline::{Outline, Reads};
+pub use outline::{Given, Outline, Reads};
 pub use raster::{Component, Field, Labels, Mask, Raster};
 pub use warp::{Direction, Factor, Grid, Warp};
 

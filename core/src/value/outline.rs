@@ -35,7 +35,7 @@ impl Outline {
     pub fn of(value: &Value) -> Self {
         let channels = match value {
             Value::Image(image) => {
-                image.primary().channels.iter().map(|c| (c.name.to_string(), c.plane.digest())).collect()
+                image.primary().channels.iter().map(|channel| (channel.name.to_string(), channel.digest())).collect()
             }
             _ => Vec::new(),
         };
@@ -70,12 +70,30 @@ impl Outline {
     }
 }
 
+/// What a node is given of an input: no more than its key holds.
+#[derive(Clone, Debug)]
+pub enum Given {
+    /// The value, or of an image what is read of it.
+    Value(Value),
+    /// Where it lies.
+    Windows(Windows),
+}
+
 impl Reads {
-    /// `value` with what is not read taken away, so that no node can see what its key does not hold.
-    pub fn restrict(&self, value: &Value) -> Value {
-        match (self, value) {
-            (Reads::Channels(names), Value::Image(image)) => image.with_channels_only(names).into(),
-            _ => value.clone(),
+    /// What is left of `value` when what is not read is taken away.
+    pub fn restrict(&self, value: &Value) -> Given {
+        match (self, value, value.windows()) {
+            (Reads::Windows, _, Some(windows)) => Given::Windows(windows),
+            (Reads::Channels(names), Value::Image(image), _) => Given::Value(image.with_channels_only(names).into()),
+            _ => Given::Value(value.clone()),
+        }
+    }
+
+    /// What the outline alone can give.
+    pub fn without_value(&self, outline: &Outline) -> Option<Given> {
+        match self {
+            Reads::Windows => outline.windows.map(Given::Windows),
+            _ => None,
         }
     }
 
