@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use serde_json::json;
 use warploom_core::diag::{Code, Fault};
+use warploom_core::engine::plain;
 use warploom_core::graph::check::MAX_BYTES;
 use warploom_core::graph::{Checked, Options, check as check_text};
 use warploom_core::registry::Registry;
@@ -33,7 +34,7 @@ fn text(path: &PathBuf) -> Result<String, Box<Fault>> {
     let usage = |message: String| Box::new(Fault::new(Code::Usage, message));
     let unreadable = |error: std::io::Error| match error.kind() {
         std::io::ErrorKind::NotFound => usage(format!("the graph file {} does not exist", path.display())),
-        _ => usage(format!("the graph file {} cannot be read: {error}", path.display())),
+        _ => usage(format!("the graph file {} cannot be read: {}", path.display(), plain(&error))),
     };
     let metadata = std::fs::metadata(path).map_err(unreadable)?;
     if !metadata.is_file() {

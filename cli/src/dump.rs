@@ -4,12 +4,12 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value as Json, json};
 use warploom_core::diag::{Code, Fault};
-use warploom_core::engine::{Disk, Io};
+use warploom_core::engine::{Disk, Io, plain};
 use warploom_core::graph::frames::{expand_pattern, has_pattern};
 use warploom_core::graph::plan::Plan;
-use warploom_core::node::NodeError;
-use warploom_core::value::{Buffer, Channel, Direction, Grid, Image, Plane, Rect, SampleType, Value, Warp};
-use warploom_nodes::io::codec::{WriteOptions, as_image, encode_image};
+use warploom_core::node::{NodeError, OutputKind};
+use warploom_core::value::{Buffer, Channel, Direction, Grid, Image, Kind, Plane, Rect, SampleType, Value, Warp};
+use warploom_nodes::io::codec::{EXTENSIONS, WriteOptions, as_image, encode_image};
 
 /// One `NODE[.PORT]=FILE`.
 pub struct Dump {
@@ -33,18 +33,20 @@ impl Dump {
     }
 }
 
-/// A dump whose node and output are found.
+/// A dump whose node, output and files are found.
 pub struct Planned {
     pub node: usize,
     output: usize,
     path: PathBuf,
+    /// Frames of the run, each of which gets its file where the path has a pattern.
+    frames: Vec<i64>,
 }
 
 /// Finds nodes and outputs; a fault per dump that cannot be done.
 pub fn plan(dumps: &[Dump], plan: &Plan) -> Result<Vec<Planned>, Vec<Fault>> {
     let (mut planned, mut faults) = (Vec::new(), Vec::new());
-    for dump in dumps {
-        match find(dump, plan) {
+    for (at, dump) in dumps.iter().enumerate() {
+        match find(dump, &dumps[..at], plan) {
             Ok(found) => planned.push(found),
             Err(fault) => faults.push(fault.node(&dump.node)),
         }
@@ -52,7 +54,7 @@ pub fn plan(dumps: &[Dump], plan: &Plan) -> Result<Vec<Planned>, Vec<Fault>> {
     if faults.is_empty() { Ok(planned) } else { Err(faults) }
 }
 
-fn find(dump: &Dump, plan: &Plan) -> Result<Planned, Fault> {
+fn find(dump: &Dump, before: &[Dump], plan: &Plan) -> Result<Planned, Fault> {
     let usage = |message: String| Fault::new(Code::Usage, message);
     let node = plan.node(&dump.node).ok_or_else(|| usage(format!("there is no node `{}` to dump", dump.node)))?;
     let node_type = &plan.nodes[node].node_type;
@@ -65,64 +67,121 @@ fn find(dump: &Dump, plan: &Plan) -> Result<Planned, Fault> {
         let what = if names.is_empty() { "none: it only writes".into() } else { names.join(", ") };
         usage(format!("{} has no such output to dump; its outputs are {what}", node_type.name))
     })?;
-    if !plan.nodes[node].is_static && plan.frames.len() > 1 && !has_pattern(&dump.path.to_string_lossy()) {
+    let kind = kind(plan, node, output);
+    if let Some(error) = kind.and_then(|kind| unwritable(kind, &extension(&dump.path))) {
+        return Err(usage(error.message).hint(error.hint));
+    }
+    if before.iter().any(|other| other.path == dump.path) {
+        return Err(usage(format!("--dump would write {} twice", dump.path.display())));
+    }
+    let has_pattern = has_pattern(&dump.path.to_string_lossy());
+    if !plan.nodes[node].is_static && plan.frames.len() > 1 && !has_pattern {
         let message = format!("--dump would write {} frames to one file", plan.frames.len());
         return Err(usage(message).hint("put #### where the frame number belongs".to_owned()));
     }
-    Ok(Planned { node, output, path: dump.path.clone() })
+    if plan.frames.is_empty() && has_pattern {
+        let message = format!("there are no frames to number {} by", dump.path.display());
+        return Err(usage(message).hint("give --frames, or leave the # out".to_owned()));
+    }
+    Ok(Planned { node, output, path: dump.path.clone(), frames: plan.frames.clone() })
+}
+
+/// What comes out of a node's output, as far as its connections tell.
+fn kind(plan: &Plan, mut node: usize, mut output: usize) -> Option<Kind> {
+    loop {
+        match plan.nodes[node].node_type.outputs[output].kind {
+            OutputKind::Is(kind) => return Some(kind),
+            OutputKind::SameAs(port) => {
+                let slot = plan.nodes[node].slots.iter().find(|slot| slot.port == port)?;
+                (node, output) = (slot.source, slot.output);
+            }
+        }
+    }
+}
+
+impl Planned {
+    /// The files that hold the value of `frame`. What is the same for all frames goes to the file of each.
+    fn paths(&self, frame: Option<i64>) -> Vec<PathBuf> {
+        let pattern = self.path.to_string_lossy();
+        let at = |&frame: &i64| PathBuf::from(expand_pattern(&pattern, frame));
+        match frame {
+            _ if !has_pattern(&pattern) => vec![self.path.clone()],
+            Some(frame) => vec![at(&frame)],
+            None => self.frames.iter().map(at).collect(),
+        }
+    }
 }
 
 /// Writes the dumps of a node.
 pub fn write(dumps: &[Planned], node: usize, frame: Option<i64>, values: &[Value]) -> Result<(), Fault> {
     for dump in dumps.iter().filter(|dump| dump.node == node) {
-        let path = match frame {
-            Some(frame) => PathBuf::from(expand_pattern(&dump.path.to_string_lossy(), frame)),
-            None => dump.path.clone(),
-        };
-        let bytes = encode(&values[dump.output], &path).map_err(|error| {
-            let message = format!("cannot dump to {}: {}", path.display(), error.message);
+        let bytes = encode(&values[dump.output], &dump.path).map_err(|error| {
+            let message = format!("cannot dump to {}: {}", dump.path.display(), error.message);
             Fault::new(error.class.into(), message).hint(error.hint)
         })?;
-        Disk.write(&path, &bytes)
-            .map_err(|error| Fault::new(Code::OutputUnwritable, format!("cannot write {}: {error}", path.display())))?;
+        for path in dump.paths(frame) {
+            Disk.write(&path, &bytes).map_err(|error| {
+                Fault::new(Code::OutputUnwritable, format!("cannot write {}: {}", path.display(), plain(&error)))
+            })?;
+        }
     }
     Ok(())
 }
 
-fn encode(value: &Value, path: &Path) -> Result<Vec<u8>, NodeError> {
-    let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
-    let image = |image: &Image| encode_image(image, &extension, &WriteOptions::default(), &|_| Ok(()));
-    let json = |json: Json| Ok(format!("{json}\n").into_bytes());
-    match (value, extension.as_str()) {
-        (Value::Image(picture), _) => image(picture),
-        (Value::Mask(_) | Value::Field(_) | Value::Labels(_), "exr") => {
-            image(&as_image(value).expect("rasters can be shown as pictures"))
-        }
-        (Value::Labels(labels), "json") => json(json!({ "kind": "Labels", "components": labels.table })),
-        (Value::Warp(warp), "json") => json(warp_json(warp)?),
-        (Value::Warp(warp), "exr") => image(&warp_image(warp)),
-        (Value::Grid(grid), "json") => json(grid_json("Grid", grid)),
-        (Value::Points(points), "json") => json(json!({ "kind": "Points", "positions": points.positions })),
-        (Value::Mesh(mesh), "json") => json(json!({
-            "kind": "Mesh", "positions": mesh.positions, "uvs": mesh.uvs, "triangles": mesh.triangles,
-        })),
-        (Value::Number(number), "json") => json(json!({ "kind": "Number", "value": number })),
-        (Value::Text(text), "json") => json(json!({ "kind": "Text", "value": **text })),
-        (Value::Factor(factor), "json") => json(factor.summary.clone()),
-        _ => {
-            let allowed = match value {
-                Value::Mask(_) | Value::Field(_) => "exr",
-                Value::Labels(_) | Value::Warp(_) => "exr or json",
-                _ => "json",
-            };
-            let message = format!("{} is not written as `.{extension}`", value.kind());
-            Err(NodeError::refused(message).hint(format!("give the file the extension {allowed}")))
-        }
-    }
+fn extension(path: &Path) -> String {
+    path.extension().unwrap_or_default().to_string_lossy().to_lowercase()
 }
 
-fn grid_json(kind: &str, grid: &Grid) -> Json {
-    json!({ "kind": kind, "origin": grid.origin, "spacing": grid.spacing, "nodes": grid.nodes, "periodic": grid.periodic })
+/// Why a kind does not go into files of an extension, if it does not.
+fn unwritable(kind: Kind, extension: &str) -> Option<NodeError> {
+    let allowed: &[&str] = match kind {
+        Kind::Image => &EXTENSIONS,
+        Kind::Mask | Kind::Field => &["exr"],
+        Kind::Labels | Kind::Warp => &["exr", "json"],
+        Kind::Plugin(_) => &[],
+        _ => &["json"],
+    };
+    if allowed.contains(&extension) {
+        return None;
+    }
+    let file = if extension.is_empty() { "a file without extension".into() } else { format!("`.{extension}`") };
+    let error = NodeError::refused(format!("{kind} is not written as {file}"));
+    Some(if allowed.is_empty() {
+        error
+    } else {
+        error.hint(format!("give the file the extension {}", allowed.join(" or ")))
+    })
+}
+
+fn encode(value: &Value, path: &Path) -> Result<Vec<u8>, NodeError> {
+    let extension = extension(path);
+    if let Some(error) = unwritable(value.kind(), &extension) {
+        return Err(error);
+    }
+    let image = |image: &Image| encode_image(image, &extension, &WriteOptions::default(), &|_| Ok(()));
+    let json = match value {
+        Value::Image(picture) => return image(picture),
+        Value::Warp(warp) if extension == "exr" => return image(&warp_image(warp)),
+        Value::Warp(warp) => warp_json(warp)?,
+        Value::Labels(labels) if extension == "json" => json!({ "kind": "Labels", "components": labels.table }),
+        Value::Mask(_) | Value::Field(_) | Value::Labels(_) => {
+            return image(&as_image(value).expect("rasters can be shown as pictures"));
+        }
+        Value::Grid(grid) => grid_json(grid),
+        Value::Factor(factor) => factor.summary.clone(),
+        Value::Points(points) => json!({ "kind": "Points", "positions": points.positions }),
+        Value::Mesh(mesh) => json!({
+            "kind": "Mesh", "positions": mesh.positions, "uvs": mesh.uvs, "triangles": mesh.triangles,
+        }),
+        Value::Number(number) => json!({ "kind": "Number", "value": number }),
+        Value::Text(text) => json!({ "kind": "Text", "value": **text }),
+        Value::Plugin(_) => return Err(NodeError::refused("a plugin's own kind is not written")),
+    };
+    Ok(format!("{json}\n").into_bytes())
+}
+
+fn grid_json(grid: &Grid) -> Json {
+    json!({ "kind": "Grid", "origin": grid.origin, "spacing": grid.spacing, "nodes": grid.nodes, "periodic": grid.periodic })
 }
 
 fn warp_json(warp: &Warp) -> Result<Json, NodeError> {

@@ -49,13 +49,20 @@ fn manifest(node_type: &NodeType) -> Json {
     let outputs: Vec<_> = (node_type.outputs.iter())
         .map(|output| json!({ "name": output.name, "kind": output_kind(output.kind) }))
         .collect();
+    let mut schema = node_type.schema.clone();
+    // A value that stands in while a node is made is no default of what must be given.
+    for param in node_type.params.iter().filter(|param| param.required) {
+        if let Some(property) = schema["properties"][&param.name].as_object_mut() {
+            property.shift_remove("default");
+        }
+    }
     json!({
         "name": node_type.name,
         "version": node_type.version,
         "outputs": outputs,
         "sink": node_type.sink,
         "reads_frame": node_type.reads_frame,
-        "schema": node_type.schema,
+        "schema": schema,
     })
 }
 

@@ -88,12 +88,13 @@ impl Display {
         }
     }
 
-    fn frame_done(&self, frame: Option<i64>) {
+    fn frame_done(&self, frame: Option<i64>, delivered: bool) {
         let done = self.frames_done.fetch_add(1, Ordering::Relaxed) + 1;
         self.bar.inc(1);
         let all = self.frames.load(Ordering::Relaxed);
         if let (Progress::Plain, Some(frame)) = (self.dialect, frame) {
-            note(&format!("frame {frame} done ({done} of {all})"));
+            let what = if delivered { "done" } else { "failed" };
+            note(&format!("frame {frame} {what} ({done} of {all})"));
         }
     }
 }
@@ -137,7 +138,7 @@ impl Observer for Display {
                 Progress::Openjd => say(&format!("openjd_fail: {}", fault.message.replace('\n', " "))),
                 _ => self.bar.suspend(|| note(&rendered(fault, false))),
             },
-            Event::FrameDone { frame } => self.frame_done(frame),
+            Event::FrameDone { frame, delivered } => self.frame_done(frame, delivered),
         }
     }
 }
@@ -157,6 +158,8 @@ fn json_event(event: &Event<'_>) -> Json {
             "written": written,
         }),
         Event::Fault(fault) => json!({ "event": "fault", "fault": fault }),
-        Event::FrameDone { frame } => json!({ "event": "frame_done", "frame": frame }),
+        Event::FrameDone { frame, delivered } => {
+            json!({ "event": "frame_done", "frame": frame, "delivered": delivered })
+        }
     }
 }

@@ -4,7 +4,9 @@ use std::path::Path;
 use std::sync::Arc;
 
 use warploom_core::diag::{Code, Fault};
-use warploom_core::engine::{Cancel, Disk, Engine, Io, Job, Report, Settings, StorePolicy, default_cache, peak_bytes};
+use warploom_core::engine::{
+    Cancel, Disk, Engine, Io, Job, Report, Settings, StorePolicy, default_cache, peak_bytes, plain,
+};
 use warploom_core::registry::Registry;
 
 use crate::args::{Progress, RunArgs, Store};
@@ -120,7 +122,7 @@ fn write_report(path: Option<&Path>, report: &Report) -> bool {
     let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
     let written = Disk.write(&absolute, &text);
     if let Err(error) = &written {
-        let message = format!("the report cannot be written to {}: {error}", path.display());
+        let message = format!("the report cannot be written to {}: {}", path.display(), plain(error));
         show(&Fault::new(Code::OutputUnwritable, message), false);
     }
     written.is_ok()

@@ -1,1 +1,14 @@
-//! Command-line tests.
+//! Command-line tests: the real binary, in folders of its own.
+
+mod cache;
+mod codes;
+mod desk;
+mod dumps;
+mod frames;
+mod main_job;
+mod paths;
+mod progress;
+mod queries;
+mod report;
+#[cfg(unix)]
+mod signals;

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use super::io::Io;
+use super::io::{Io, plain};
 use crate::node::{ErrorClass, In, NodeError, Port, ReadPath, Request, WritePath};
 use crate::value::{BufferMut, Digest, Given, Sample};
 
@@ -126,12 +126,6 @@ pub(crate) fn cannot_read(path: &Path, error: &std::io::Error) -> String {
         std::io::ErrorKind::NotFound => format!("{} does not exist", path.display()),
         _ => format!("cannot read {}: {}", path.display(), plain(error)),
     }
-}
-
-/// An I/O error without the number at its end.
-fn plain(error: &std::io::Error) -> String {
-    let text = error.to_string();
-    text.split(" (os error").next().unwrap_or(&text).to_lowercase()
 }
 
 fn megabytes(bytes: impl Into<u128>) -> String {

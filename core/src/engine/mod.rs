@@ -19,7 +19,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 
 pub use context::{Artifact, Context};
-pub use io::{Disk, Io, Stat};
+pub use io::{Disk, Io, Stat, plain};
 pub use report::{From, OutputReport, PairReport, Reason, Report, Status, Why, peak_bytes};
 pub use store::StorePolicy;
 
@@ -99,7 +99,7 @@ impl Cancel {
 pub enum Event<'a> {
     /// The run begins.
     Begun {
-        /// Frames of the run, 1 if it has none.
+        /// Frames in which something is to be done, 1 if the run has none.
         frames: usize,
         /// Pairs that may run.
         pairs: usize,
@@ -144,6 +144,8 @@ pub enum Event<'a> {
     FrameDone {
         /// The frame; none for a run without frames.
         frame: Option<i64>,
+        /// Whether they are all there.
+        delivered: bool,
     },
 }
 
@@ -251,10 +253,7 @@ impl Engine {
                 artifact: artifact.clone(),
             }));
         }
-        let is_there = |&at: &usize| {
-            matches!(state.pairs[at].status, Some(Status::Executed | Status::Recomputed | Status::Reused))
-        };
-        let frames_delivered = shared.pairs.frames.iter().filter(|(_, targets)| targets.iter().all(is_there)).count();
+        let frames_delivered = shared.pairs.frames.iter().filter(|(_, targets)| state.has_delivered(targets)).count();
         let mut faults = std::mem::take(&mut state.faults);
         let order = |frame: Option<i64>| plan.frames.iter().position(|&f| Some(f) == frame);
         faults.sort_by_key(|fault| order(fault.frame));

@@ -111,6 +111,7 @@ impl Worker<'_> {
 
     /// The pair's result was known.
     fn resolved(&self, at: usize, key: Digest, evidence: Evidence, record: Arc<Record>) {
+        self.finished(at, Status::Reused, 0.0, &record);
         let mut state = self.shared.lock();
         let is_sink = self.node(at).node_type.sink;
         let pair = &mut state.pairs[at];
@@ -118,8 +119,6 @@ impl Worker<'_> {
         pair.from = Some(if is_sink { From::File } else { From::Record });
         self.publish(&mut state, at, record);
         self.release_inputs(&mut state, at);
-        drop(state);
-        self.finished(at);
     }
 
     /// Recomputing takes no work on the key: a twin that waits for this very pair's inputs may hold it.
@@ -256,34 +255,28 @@ impl Worker<'_> {
             self.engine.store.insert_record(key, record.clone());
             record
         });
+        let status = if is_recompute { Status::Recomputed } else { Status::Executed };
+        self.finished(at, status, seconds, &record);
         let mut state = self.shared.lock();
         let pair = &mut state.pairs[at];
-        (pair.working, pair.recompute) = (false, false);
+        (pair.working, pair.recompute, pair.from) = (false, false, None);
+        // What ran first and was computed again for want of memory counts as executed.
         if pair.status != Some(Status::Executed) {
-            pair.status = Some(if is_recompute { Status::Recomputed } else { Status::Executed });
+            pair.status = Some(status);
         }
-        pair.from = None;
         self.hold(&mut state, at, outputs.values);
         if !is_recompute {
             self.publish(&mut state, at, record);
+            state.freed.push(key);
         }
         self.release_inputs(&mut state, at);
-        drop(state);
-        if !is_recompute {
-            self.engine.store.end_work(&key);
-        }
-        self.finished(at);
     }
 
-    pub(super) fn finished(&self, at: usize) {
+    /// Tells of a pair, before its frame may be told of.
+    fn finished(&self, at: usize, status: Status, seconds: f64, record: &Record) {
         let (pair, node) = (&self.shared.pairs.list[at], self.node(at));
-        let (status, seconds, record) = {
-            let state = self.shared.lock();
-            (state.pairs[at].status, state.pairs[at].seconds, state.pairs[at].record.clone())
-        };
-        let Some(status) = status else { return };
         self.job.observer.event(Event::Finished { node: &node.id, frame: pair.request.frame, status, seconds });
-        for artifact in record.iter().flat_map(|record| &record.artifacts) {
+        for artifact in &record.artifacts {
             self.job.observer.event(Event::Output { artifact, written: status == Status::Executed });
         }
     }

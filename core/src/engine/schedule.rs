@@ -44,7 +44,7 @@ pub(crate) struct State {
     open_frames: usize,
     stopped: bool,
     /// Keys whose work is given back as soon as the lock is free.
-    freed: Vec<Digest>,
+    pub(super) freed: Vec<Digest>,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -96,6 +96,14 @@ pub(crate) struct PairState {
     pub seconds: f64,
     pub evidence: Option<Evidence>,
     pub trigger: Option<Trigger>,
+}
+
+impl State {
+    /// Whether all of a frame's targets are there.
+    pub fn has_delivered(&self, targets: &[usize]) -> bool {
+        let is_there = |status| matches!(status, Some(Status::Executed | Status::Recomputed | Status::Reused));
+        targets.iter().all(|&target| is_there(self.pairs[target].status))
+    }
 }
 
 impl Shared {
@@ -196,15 +204,15 @@ impl Worker<'_> {
             && state.admitted < self.shared.pairs.frames.len()
             && (self.job.keep_going || state.faults.is_empty())
         {
-            let (number, targets) = &self.shared.pairs.frames[state.admitted];
+            let frame = state.admitted;
             state.admitted += 1;
-            if state.open_targets[state.admitted - 1] == 0 {
+            if state.open_targets[frame] == 0 {
                 // All of it was done on the way to earlier frames.
-                self.job.observer.event(Event::FrameDone { frame: *number });
+                self.frame_done(state, frame);
                 continue;
             }
             state.open_frames += 1;
-            let mut stack: Vec<usize> = targets.clone();
+            let mut stack: Vec<usize> = self.shared.pairs.frames[frame].1.clone();
             while let Some(at) = stack.pop() {
                 let pair = &mut state.pairs[at];
                 if std::mem::replace(&mut pair.admitted, true) {
@@ -244,6 +252,12 @@ impl Worker<'_> {
         self.frame_of_target.contains_key(&at) && self.job.deliver.contains(&self.shared.pairs.list[at].node)
     }
 
+    fn frame_done(&self, state: &State, frame: usize) {
+        let (number, targets) = &self.shared.pairs.frames[frame];
+        let delivered = state.has_delivered(targets);
+        self.job.observer.event(Event::FrameDone { frame: *number, delivered });
+    }
+
     /// A target is done: its frame may be.
     pub(super) fn close_target(&self, state: &mut State, at: usize) {
         if std::mem::replace(&mut state.pairs[at].done, true) {
@@ -253,8 +267,7 @@ impl Worker<'_> {
             state.open_targets[frame] -= 1;
             if state.open_targets[frame] == 0 && frame < state.admitted {
                 state.open_frames -= 1;
-                let (number, _) = self.shared.pairs.frames[frame];
-                self.job.observer.event(Event::FrameDone { frame: number });
+                self.frame_done(state, frame);
             }
         }
     }

@@ -34,12 +34,6 @@ pub enum Plane<'a> {
     },
 }
 
-impl<'a> From<Option<Placed<'a>>> for Plane<'a> {
-    fn from(placed: Option<Placed<'a>>) -> Self {
-        placed.map_or(Plane::Zero, Plane::Samples)
-    }
-}
-
 /// Where `count` samples from `start` on meet a run of `out_count` from `out_start` on, counted in that run.
 fn overlap(start: i64, count: usize, out_start: i64, out_count: usize) -> Range<usize> {
     let end = |start: i64, count: usize| start.saturating_add_unsigned(count as u64);

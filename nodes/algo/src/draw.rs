@@ -1,11 +1,11 @@
 //! Drawing lines.
 
 use crate::lattice::Positions;
+use crate::steps::Steps;
 use crate::view::ViewMut;
 use crate::{Interrupted, Watch};
 use rayon::prelude::*;
 use std::ops::Range;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Rows that are drawn together.
 const BAND: usize = 32;
@@ -58,11 +58,10 @@ pub fn lattice_lines(
             bins[rows.start / BAND..rows.end.div_ceil(BAND)].iter_mut().for_each(|bin| bin.push(segment));
         }
     });
-    let (done, all) = (AtomicUsize::new(0), bins.len() as f64);
+    let steps = Steps::new(watch, bins.len());
     out.bands(BAND).into_par_iter().zip(bins).try_for_each(|((top, mut band), bin)| {
-        watch(done.fetch_add(1, Ordering::Relaxed) as f64 / all)?;
         draw_band(&bin, &pen, &window, top, &mut band);
-        Ok(())
+        steps.step()
     })
 }
 

@@ -11,7 +11,7 @@
 //! the checker's business.
 //!
 //! **Faults.** A fault stands at the token that could not be, and leaves a [`Ron::Broken`] in the innermost bracket it
-//! was //! met in: as the value that could not be read or has something unreadable behind it, or as an entry of its own behind
+//! was met in: as the value that could not be read or has something unreadable behind it, or as an entry of its own behind
 //! the last one read. So [`has_broken`] of a node's value tells whether that node was read whole, and every other entry
 //! is as it was written.
 //! Reading resumes at the next entry. A bracket or quote left open is one fault, which names the line it was opened

@@ -6,8 +6,7 @@ use crate::view::ViewMut;
 ///
 /// Cost: linear in the samples, rows side by side.
 pub fn clamp(samples: ViewMut<f32>) {
-    // `max` gives the other operand for NaN.
-    samples.par_rows(|_, row| row.iter_mut().for_each(|sample| *sample = sample.max(0.0).min(1.0)));
+    samples.par_rows(|_, row| row.iter_mut().for_each(|sample| *sample = super::coverage(*sample)));
 }
 
 #[cfg(test)]

@@ -34,19 +34,14 @@ pub fn combine(combination: Combination, masks: &[View<f32>], out: ViewMut<f32>)
     out.par_rows(|y, row| {
         let Some((first, others)) = masks.split_first() else { return row.fill(0.0) };
         for (sample, &mask) in row.iter_mut().zip(first.row(y)) {
-            *sample = coverage(mask);
+            *sample = super::coverage(mask);
         }
         for other in others {
             for (sample, &mask) in row.iter_mut().zip(other.row(y)) {
-                *sample = operation(*sample, coverage(mask));
+                *sample = operation(*sample, super::coverage(mask));
             }
         }
     });
-}
-
-/// The sample held to 0..=1, 0 for NaN.
-fn coverage(sample: f32) -> f32 {
-    if sample > 0.0 { sample.min(1.0) } else { 0.0 }
 }
 
 #[cfg(test)]

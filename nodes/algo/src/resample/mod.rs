@@ -137,7 +137,7 @@ fn draw_bands<T: Send>(
 ) -> Result<u64, Interrupted> {
     let size = (window.width(), window.height());
     assert!(out.iter().all(|out| (out.width(), out.height()) == size), "outputs are {size:?}");
-    if window.is_empty() {
+    if window.is_empty() || out.is_empty() {
         return Ok(0);
     }
     watch(0.0)?;

@@ -1,0 +1,75 @@
+//! Where paths start, what they may hold, and variables in them.
+
+use crate::desk::{Desk, Ended, SMALL_JOB, small_job};
+
+#[test]
+fn paths_in_a_graph_start_at_it_and_flags_where_one_is() {
+    let desk = small_job();
+    desk.graph("shots/one/job.ron", &SMALL_JOB.replace("\"plate.png\"", "\"../../plate.png\""));
+    let line =
+        "run shots/one/job.ron --set matte.path=\"../../matte.png\" --dump grid=grid.json --report r.json --cache here";
+    let ended = desk.run(line).expect(0);
+    assert_eq!(ended.stdout, format!("{}\n", desk.path("shots/one/out/small.png").display()));
+    assert!(desk.path("shots/one/out/small.png").exists(), "the output lies beside the graph");
+    assert!(["grid.json", "r.json", "here"].iter().all(|name| desk.path(name).exists()), "flags start here");
+    assert_eq!(desk.files("shots/one"), ["job.ron", "out"]);
+}
+
+#[test]
+fn absolute_paths_are_taken_as_they_are() {
+    let desk = small_job();
+    let plate = desk.path("plate.png");
+    let job = desk.graph(
+        "far/job.ron",
+        &format!(
+            r#""plate": Load(path: {plate:?}), "out": Save(image: "plate", path: {:?})"#,
+            desk.path("away/copy.png"),
+        ),
+    );
+    let output = desk.command(["run".as_ref(), job.as_os_str()]).output().expect("the binary starts");
+    assert_eq!(Ended::from(output).expect(0).stdout, format!("{}\n", desk.path("away/copy.png").display()));
+}
+
+#[test]
+fn variables_expand() {
+    let desk = small_job();
+    let nodes = r#""plate": Load(path: "$(env:WARPLOOM_TEST_PLATE).png"),
+        "out": Save(image: "plate", path: "out/$(env:WARPLOOM_TEST_SHOT)/copy.png")"#;
+    desk.graph("job.ron", nodes);
+    let mut command = desk.command(["run", "job.ron"]);
+    command.env("WARPLOOM_TEST_PLATE", "plate").env("WARPLOOM_TEST_SHOT", "sh 010");
+    Ended::from(command.output().expect("the binary starts")).expect(0);
+    assert!(desk.path("out/sh 010/copy.png").exists());
+    for command in ["run", "check"] {
+        let words = ["missing_variable", "WARPLOOM_TEST_PLATE", "WARPLOOM_TEST_SHOT", "job.ron:2", "job.ron:3"];
+        desk.run(&format!("{command} job.ron")).says(2, &words);
+    }
+}
+
+#[test]
+fn names_may_hold_spaces_and_any_script() {
+    let desk = small_job();
+    desk.write("Über uns/素材 1.png", desk.read("plate.png"));
+    let nodes = r#""plate": Load(path: "素材 1.png"), "out": Save(image: "plate", path: "fertig é/bild #1.png")"#;
+    desk.write("Über uns/job ñ.ron", format!("Graph(version: 1, frames: \"7\", nodes: {{ {nodes} }})"));
+    let args = ["run", "Über uns/job ñ.ron", "--report", "bericht ü.json", "--dump", "plate=kopie ß.png"];
+    let ended = Ended::from(desk.command(args).output().expect("the binary starts")).expect(0);
+    assert_eq!(ended.stdout, format!("{}\n", desk.path("Über uns/fertig é/bild 71.png").display()));
+    let report = desk.read_json("bericht ü.json");
+    assert_eq!(report["graph"], serde_json::json!(desk.path("Über uns/job ñ.ron")));
+    assert_eq!(desk.read("kopie ß.png"), desk.read("Über uns/fertig é/bild 71.png"));
+}
+
+#[test]
+fn a_name_that_is_not_text_is_no_panic() {
+    #[cfg(unix)]
+    {
+        use std::os::unix::ffi::OsStrExt;
+        let desk = Desk::new();
+        let name = std::ffi::OsStr::from_bytes(b"caf\xe9.ron");
+        for command in ["run", "check"] {
+            let output = desk.command([command.as_ref(), name]).output().expect("the binary starts");
+            Ended::from(output).says(2, &["does not exist"]);
+        }
+    }
+}

@@ -1,0 +1,130 @@
+//! What is said while a run goes on, and to whom.
+
+use serde_json::Value as Json;
+
+use crate::desk::{Desk, Ended, executed, keys, small_job};
+
+/// A bend over four frames.
+fn shot() -> Desk {
+    let desk = Desk::new();
+    desk.shot(
+        "job.ron",
+        "1-4",
+        r#""card": Checker(size: (24, 24), cell: 4.0), "grid": Lattice(domain: "card", cell: 8.0),
+        "bend": Arc(grid: "grid", angle: Keys([(1, 10.0), (4, 40.0)])), "warped": Resample(image: "card", warp: "bend"),
+        "out": Save(image: "warped", path: "out/bend.####.png")"#,
+    );
+    desk
+}
+
+fn run(progress: &str) -> (Desk, Ended) {
+    let desk = shot();
+    let ended = desk.run(&format!("run job.ron --no-cache --progress {progress}")).expect(0);
+    (desk, ended)
+}
+
+#[test]
+fn a_pipe_gets_plain_lines() {
+    for progress in ["auto", "human", "plain", "percent", "none"] {
+        let (desk, ended) = run(progress);
+        let controls = |text: &str| text.chars().any(|c| c.is_control() && c != '\n');
+        assert!(!controls(&ended.stderr) && !controls(&ended.stdout), "{progress}: {ended:?}");
+        let mut written: Vec<&str> = ended.stdout.lines().collect();
+        written.sort_unstable();
+        let paths: Vec<String> =
+            (1..=4).map(|f| desk.path(&format!("out/bend.{f:04}.png")).display().to_string()).collect();
+        assert_eq!(written, paths, "{progress}");
+    }
+}
+
+#[test]
+fn plain_says_each_frame_and_a_summary() {
+    let (_desk, ended) = run("plain");
+    (1..=4).for_each(|frame| assert!(ended.stderr.contains(&format!("frame {frame} done (")), "{}", ended.stderr));
+    assert!(ended.stderr.contains("14 executed, 0 reused"), "{}", ended.stderr);
+}
+
+#[test]
+fn none_says_nothing() {
+    assert_eq!(run("none").1.stderr, "");
+    let desk = small_job();
+    std::fs::remove_file(desk.path("plate.png")).expect("it is there");
+    desk.run("run job.ron --progress none").says(3, &["plate.png"]);
+}
+
+#[test]
+fn percent_rises_to_100() {
+    let (_desk, ended) = run("percent");
+    let percents: Vec<u32> = (ended.stderr.lines())
+        .map(|line| line.strip_suffix('%').and_then(|n| n.parse().ok()).unwrap_or_else(|| panic!("{line}")))
+        .collect();
+    assert!(percents.is_sorted() && percents.last() == Some(&100), "{percents:?}");
+}
+
+#[test]
+fn jsonl_is_an_object_per_line() {
+    let (_desk, ended) = run("jsonl");
+    assert_eq!(ended.stderr, "");
+    let events: Vec<Json> =
+        ended.stdout.lines().map(|line| serde_json::from_str(line).unwrap_or_else(|e| panic!("{e}: {line}"))).collect();
+    let count = |name: &str| events.iter().filter(|event| event["event"] == name).count();
+    assert_eq!((count("begun"), count("output"), count("frame_done"), count("fault")), (1, 4, 4, 0));
+    assert_eq!((count("started"), count("finished")), (14, 14));
+    assert_eq!(keys(&events[0]), ["event", "frames", "pairs"]);
+    assert_eq!((&events[0]["frames"], &events[0]["pairs"]), (&4.into(), &14.into()));
+}
+
+#[test]
+fn jsonl_tells_faults() {
+    let desk = small_job();
+    std::fs::remove_file(desk.path("plate.png")).expect("it is there");
+    let ended = desk.run("run job.ron --progress jsonl").expect(3);
+    let events: Vec<Json> = ended.stdout.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect();
+    let fault = &events.iter().find(|event| event["event"] == "fault").expect("it is told")["fault"];
+    assert_eq!((&fault["code"], &fault["node"]), (&"input_unreadable".into(), &"plate".into()));
+}
+
+#[test]
+fn openjd_lines() {
+    let (_desk, ended) = run("openjd");
+    let lines: Vec<&str> = ended.stdout.lines().collect();
+    let percents: Vec<u32> =
+        lines.iter().filter_map(|line| line.strip_prefix("openjd_progress: ")?.parse().ok()).collect();
+    assert!(percents.is_sorted() && percents.last() == Some(&100), "{lines:?}");
+    assert!(lines.contains(&"openjd_status: warped"), "{lines:?}");
+    let desk = small_job();
+    std::fs::remove_file(desk.path("plate.png")).expect("it is there");
+    let ended = desk.run("run job.ron --progress openjd").expect(3);
+    assert!(
+        ended.stdout.lines().any(|line| line.starts_with("openjd_fail: ") && line.contains("plate.png")),
+        "{ended:?}"
+    );
+}
+
+#[test]
+fn a_closed_pipe_is_a_quiet_end() {
+    let desk = small_job();
+    for line in [
+        "run job.ron",
+        "run job.ron --progress jsonl",
+        "run job.ron --progress openjd",
+        "check job.ron --format json",
+        "nodes",
+        "nodes --format json",
+        "graph job.ron --format dot",
+        "--help",
+        "--version",
+    ] {
+        let (reader, writer) = std::io::pipe().expect("a pipe");
+        drop(reader);
+        let output = desk.command(line.split_whitespace()).stdout(writer).output().expect("the binary starts");
+        let ended = Ended::from(output).expect(0);
+        assert!(!ended.stderr.contains("panic"), "{line}: {}", ended.stderr);
+    }
+    executed(&desk.report("run job.ron"), []);
+    let (reader, writer) = std::io::pipe().expect("a pipe");
+    drop(reader);
+    let mut command = desk.command(["run", "job.ron", "--no-cache"]);
+    let status = command.stdout(std::process::Stdio::null()).stderr(writer).status().expect("the binary starts");
+    assert!(status.success());
+}
