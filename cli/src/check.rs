@@ -6,11 +6,13 @@ use serde_json::json;
 use warploom_core::diag::{Code, Fault};
 use warploom_core::engine::plain;
 use warploom_core::graph::check::MAX_BYTES;
+use warploom_core::graph::read::Span;
+use warploom_core::graph::source::{At, Sources};
 use warploom_core::graph::{Checked, Options, check as check_text};
 use warploom_core::registry::Registry;
 
 use crate::args::{CheckArgs, CheckFormat, GraphFile};
-use crate::terminal::{counted, note, say, show};
+use crate::terminal::{counted, note, say, show, show_warnings};
 
 /// Reads and checks a graph file; `dumps` are nodes that are targets besides.
 pub fn read(file: &GraphFile, dumps: &[String], registry: &Registry) -> Checked {
@@ -46,9 +48,12 @@ fn text(path: &PathBuf) -> Result<String, Box<Fault>> {
     }
     let bytes = std::fs::read(path).map_err(unreadable)?;
     String::from_utf8(bytes).map_err(|error| {
-        let at = error.utf8_error().valid_up_to();
-        let message = format!("{} is not text: byte {at} is not UTF-8", path.display());
-        Box::new(Fault::new(Code::Malformed, message).hint("save it as UTF-8".to_owned()))
+        let at = error.utf8_error().valid_up_to() as u32;
+        let mut sources = Sources::default();
+        let source = sources.add(path, &String::from_utf8_lossy(error.as_bytes()));
+        let place = sources.place(At { source, span: Span { start: at, end: at + 1 } });
+        let fault = Fault::new(Code::Malformed, format!("byte {at} of the file is not UTF-8"));
+        Box::new(fault.place(Some(place)).hint("save it as UTF-8".to_owned()))
     })
 }
 
@@ -60,7 +65,7 @@ pub fn check(args: &CheckArgs, registry: &Registry) -> u8 {
             say(&json!({ "schema": 1, "faults": checked.faults, "warnings": checked.warnings }).to_string());
         }
         CheckFormat::Human => {
-            checked.warnings.iter().for_each(|warning| show(warning, true));
+            show_warnings(&checked.warnings);
             checked.faults.iter().for_each(|fault| show(fault, false));
             match (&checked.plan, checked.faults.len()) {
                 (Some(plan), _) => note(&format!(

@@ -1,5 +1,6 @@
 //! `--dump`: the value on any edge, written for looking at or for other programs.
 
+use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 use serde_json::{Value as Json, json};
@@ -8,6 +9,7 @@ use warploom_core::engine::{Disk, Io, plain};
 use warploom_core::graph::frames::{expand_pattern, has_pattern};
 use warploom_core::graph::plan::Plan;
 use warploom_core::node::{NodeError, OutputKind};
+use warploom_core::schema::Access;
 use warploom_core::value::{Buffer, Channel, Direction, Grid, Image, Kind, Plane, Rect, SampleType, Value, Warp};
 use warploom_nodes::io::codec::{EXTENSIONS, WriteOptions, as_image, encode_image};
 
@@ -45,13 +47,31 @@ pub struct Planned {
 /// Finds nodes and outputs; a fault per dump that cannot be done.
 pub fn plan(dumps: &[Dump], plan: &Plan) -> Result<Vec<Planned>, Vec<Fault>> {
     let (mut planned, mut faults) = (Vec::new(), Vec::new());
+    let saved = saved(plan);
     for (at, dump) in dumps.iter().enumerate() {
-        match find(dump, &dumps[..at], plan) {
+        match find(dump, &dumps[..at], plan).and_then(|found| found.beside(&saved)) {
             Ok(found) => planned.push(found),
             Err(fault) => faults.push(fault.node(&dump.node)),
         }
     }
     if faults.is_empty() { Ok(planned) } else { Err(faults) }
+}
+
+/// The files that the run's sinks write.
+fn saved(plan: &Plan) -> HashSet<PathBuf> {
+    let frames: Vec<Option<i64>> =
+        if plan.frames.is_empty() { vec![None] } else { plan.frames.iter().copied().map(Some).collect() };
+    let mut saved = HashSet::new();
+    for &target in &plan.targets {
+        let node = &plan.nodes[target];
+        for (name, _) in node.params.paths.iter().filter(|(_, access)| *access == Access::Write) {
+            // Paths do not depend on links; any number will do for them.
+            let params =
+                frames.iter().filter_map(|&frame| plan.params_at(target, frame, &vec![1.0; node.links.len()]).ok());
+            saved.extend(params.filter_map(|params| Some(PathBuf::from(params.get(name)?.as_str()?))));
+        }
+    }
+    saved
 }
 
 fn find(dump: &Dump, before: &[Dump], plan: &Plan) -> Result<Planned, Fault> {
@@ -100,6 +120,19 @@ fn kind(plan: &Plan, mut node: usize, mut output: usize) -> Option<Kind> {
 }
 
 impl Planned {
+    /// Refused if a sink writes one of its files.
+    fn beside(self, saved: &HashSet<PathBuf>) -> Result<Self, Fault> {
+        let mut paths: Vec<PathBuf> = self.frames.iter().flat_map(|&frame| self.paths(Some(frame))).collect();
+        paths.push(self.path.clone());
+        match paths.iter().find(|path| saved.contains(*path)) {
+            Some(path) => {
+                let message = format!("--dump would write {}, which a node of the graph writes", path.display());
+                Err(Fault::new(Code::Usage, message).hint("dump to another file".to_owned()))
+            }
+            None => Ok(self),
+        }
+    }
+
     /// The files that hold the value of `frame`. What is the same for all frames goes to the file of each.
     fn paths(&self, frame: Option<i64>) -> Vec<PathBuf> {
         let pattern = self.path.to_string_lossy();

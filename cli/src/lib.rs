@@ -12,6 +12,7 @@ mod terminal;
 use std::process::ExitCode;
 
 use clap::Parser;
+use warploom_core::diag::Code;
 use warploom_core::registry::Registry;
 
 use args::{Command, Line};
@@ -26,5 +27,6 @@ pub fn main() -> ExitCode {
         Command::Nodes(args) => nodes::nodes(&args, &registry),
         Command::Graph(args) => graph::graph(&args, &registry),
     };
+    let code = if code == 0 && terminal::output_was_lost() { Code::OutputUnwritable.exit_code() } else { code };
     ExitCode::from(code)
 }

@@ -12,12 +12,17 @@ use warploom_core::registry::Registry;
 use crate::args::{Progress, RunArgs, Store};
 use crate::dump::{self, Dump};
 use crate::progress::Display;
-use crate::terminal::{note, show};
+use crate::terminal::{note, show, show_warnings};
 
 const STOPPED: u8 = 75;
 
 /// The command.
 pub fn run(args: &RunArgs, registry: &Registry) -> u8 {
+    if let Some(report) = args.report.as_ref().filter(|report| same_file(report, &args.file.graph)) {
+        let message = format!("--report {} would overwrite the graph", report.display());
+        show(&Fault::new(Code::Usage, message), false);
+        return Code::Usage.exit_code();
+    }
     let dumps: Result<Vec<Dump>, Fault> = args.dump.iter().map(|text| Dump::parse(text)).collect();
     let dumps = match dumps {
         Ok(dumps) => dumps,
@@ -26,7 +31,7 @@ pub fn run(args: &RunArgs, registry: &Registry) -> u8 {
     let dumped: Vec<String> = dumps.iter().map(|dump| dump.node.clone()).collect();
     let checked = crate::check::read(&args.file, &dumped, registry);
     if args.progress != Progress::None {
-        checked.warnings.iter().for_each(|warning| show(warning, true));
+        show_warnings(&checked.warnings);
     }
     let Some(plan) = checked.plan.map(Arc::new) else { return refuse(args, checked.faults) };
     let dumps = match dump::plan(&dumps, &plan) {
@@ -52,6 +57,10 @@ pub fn run(args: &RunArgs, registry: &Registry) -> u8 {
     }
     let code = exit_code(&report, args.keep_going);
     if write_report(args.report.as_deref(), &report) { code } else { Code::OutputUnwritable.exit_code() }
+}
+
+fn same_file(a: &Path, b: &Path) -> bool {
+    matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
 }
 
 fn settings(args: &RunArgs) -> Settings {

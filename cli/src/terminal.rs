@@ -1,15 +1,30 @@
 //! Standard output and standard error. A pipe that is closed at its other end is a quiet end.
 
 use std::ffi::OsStr;
-use std::io::{IsTerminal, Write};
+use std::io::{ErrorKind, IsTerminal, Write};
+use std::sync::atomic::{AtomicBool, Ordering};
 
-use warploom_core::diag::Fault;
+use warploom_core::diag::{Code, Fault};
+use warploom_core::engine::plain;
+
+static OUTPUT_LOST: AtomicBool = AtomicBool::new(false);
 
 /// Writes a line to standard output, at once.
 pub fn say(line: &str) {
     let mut out = std::io::stdout().lock();
-    // Nobody reads any more: there is nobody to tell.
-    let _ = writeln!(out, "{line}").and_then(|()| out.flush());
+    if let Err(error) = writeln!(out, "{line}").and_then(|()| out.flush())
+        // Where nobody reads any more there is nobody to tell.
+        && error.kind() != ErrorKind::BrokenPipe
+        && !OUTPUT_LOST.swap(true, Ordering::Relaxed)
+    {
+        let message = format!("standard output cannot be written: {}", plain(&error));
+        show(&Fault::new(Code::OutputUnwritable, message), false);
+    }
+}
+
+/// Whether standard output could not take all that was said.
+pub fn output_was_lost() -> bool {
+    OUTPUT_LOST.load(Ordering::Relaxed)
 }
 
 /// Writes a line to standard error.
@@ -20,6 +35,19 @@ pub fn note(line: &str) {
 /// Shows a fault or a warning on standard error, as wide and as coloured as that allows.
 pub fn show(fault: &Fault, is_warning: bool) {
     note(&rendered(fault, is_warning));
+}
+
+/// Shows warnings; of many nodes that no target needs, the names alone.
+pub fn show_warnings(warnings: &[Fault]) {
+    let (unreached, others): (Vec<&Fault>, Vec<&Fault>) =
+        warnings.iter().partition(|warning| warning.code == Code::Unreached);
+    others.iter().for_each(|warning| show(warning, true));
+    if unreached.len() <= 2 {
+        return unreached.iter().for_each(|warning| show(warning, true));
+    }
+    let names: Vec<&str> = unreached.iter().filter_map(|warning| warning.node.as_deref()).collect();
+    let some = if names.len() > 10 { format!("{}, ..", names[..10].join(", ")) } else { names.join(", ") };
+    show(&Fault::new(Code::Unreached, format!("no target needs {} nodes: {some}", names.len())), true);
 }
 
 /// The text of a fault for standard error.

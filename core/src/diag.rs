@@ -239,11 +239,15 @@ impl Fault {
 
 /// The closest of `names` to what was written, if any is close.
 pub fn closest<'a>(written: &str, names: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
-    let likeness = |name: &str| strsim::jaro_winkler(&written.to_lowercase(), &name.to_lowercase());
+    let written = written.to_lowercase();
     let mut best: Option<(f64, &str)> = None;
     for name in names {
-        let score = likeness(name);
-        if score > 0.75 && best.is_none_or(|(top, _)| score > top) {
+        let lower = name.to_lowercase();
+        // The one forgives what is left out at the end, the other counts slips wherever they are.
+        let beginning = strsim::jaro_winkler(&written, &lower);
+        let slips = strsim::normalized_damerau_levenshtein(&written, &lower);
+        let score = beginning + slips;
+        if beginning.max(slips) > 0.75 && best.is_none_or(|(top, _)| score > top) {
             best = Some((score, name));
         }
     }
@@ -258,7 +262,8 @@ pub fn suggestion<'a>(written: &str, names: impl IntoIterator<Item = &'a str> + 
     let all: Vec<&str> = names.into_iter().collect();
     match all.len() {
         0 => None,
-        1..=12 => Some(format!("there is {}", all.iter().map(|n| format!("`{n}`")).collect::<Vec<_>>().join(", "))),
-        count => Some(format!("there are {count}, the nearest is far off")),
+        1 => Some(format!("there is only `{}`", all[0])),
+        2..=12 => Some(format!("there are {}", all.iter().map(|n| format!("`{n}`")).collect::<Vec<_>>().join(", "))),
+        count => Some(format!("there are {count} names, none of them like it")),
     }
 }

@@ -138,7 +138,15 @@ impl std::fmt::Display for Range {
 
 impl std::fmt::Display for IntRange {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "a whole number from {} to {}", self.min, self.max)
+        // The limits of the type itself say nothing to a person.
+        let min = Some(self.min).filter(|&min| min > i64::MIN.into());
+        let max = Some(self.max).filter(|&max| max < i64::MAX.into());
+        match (min, max) {
+            (None, None) => f.write_str("a whole number"),
+            (Some(min), None) => write!(f, "a whole number, at least {min}"),
+            (None, Some(max)) => write!(f, "a whole number, at most {max}"),
+            (Some(min), Some(max)) => write!(f, "a whole number from {min} to {max}"),
+        }
     }
 }
 
@@ -289,11 +297,16 @@ fn integer_limits(format: Option<&str>) -> (i128, i128) {
 impl Shape {
     /// What it takes, in words; `unit` as declared beside it.
     pub fn describe(&self, unit: Option<&str>) -> String {
-        let unit = unit.map(|unit| format!(" {unit}")).unwrap_or_default();
+        let behind = unit.map(|unit| format!(" {unit}")).unwrap_or_default();
+        let counted_in = unit.map(|unit| format!(" in {unit}")).unwrap_or_default();
         match self {
-            Shape::Number(range) if *range == Range::default() => format!("a number{}", unit.replace(' ', " in ")),
-            Shape::Number(range) => format!("a number, {range}{unit}"),
-            Shape::Integer { range, .. } => format!("{range}{unit}"),
+            Shape::Number(range) if *range == Range::default() => format!("a number{counted_in}"),
+            Shape::Number(range @ Range { min: Some(_), max: Some(_), above_min: false }) => {
+                format!("a number from {range}{behind}")
+            }
+            Shape::Number(range) => format!("a number, {range}{behind}"),
+            Shape::Integer { range, .. } if range.to_string() == "a whole number" => format!("{range}{counted_in}"),
+            Shape::Integer { range, .. } => format!("{range}{behind}"),
             Shape::Bool => "`true` or `false`".into(),
             Shape::Text(None) => "text in double quotes".into(),
             Shape::Text(Some(_)) => "a path in double quotes".into(),
@@ -302,18 +315,20 @@ impl Shape {
                 format!("one of {}", names.join(", "))
             }
             Shape::Tuple(items) => {
-                let items: Vec<String> = items.iter().map(|item| item.describe(None)).collect();
-                match items.windows(2).all(|pair| pair[0] == pair[1]) {
-                    true => format!("{} values in parentheses, each {}{unit}", items.len(), items[0]),
-                    false => format!("({}){unit}", items.join(", ")),
+                let items: Vec<String> = items.iter().map(|item| item.describe(unit)).collect();
+                match &items[..] {
+                    [first, rest @ ..] if rest.iter().all(|item| item == first) => {
+                        format!("{} values in parentheses, each {first}", items.len())
+                    }
+                    _ => format!("({})", items.join("; ")),
                 }
             }
-            Shape::List(item) => format!("a list in brackets, each item {}{unit}", item.describe(None)),
+            Shape::List(item) => format!("a list in brackets, each item {}", item.describe(unit)),
             Shape::Struct(fields) => {
                 let names: Vec<&str> = fields.iter().map(|field| field.name.as_str()).collect();
                 format!("fields in parentheses: {}", names.join(", "))
             }
-            Shape::Optional(inner) => format!("{}{unit}, or `None`", inner.describe(None)),
+            Shape::Optional(inner) => format!("{}, or `None`", inner.describe(unit)),
             Shape::Port(port) => port.describe(),
         }
     }
@@ -322,8 +337,12 @@ impl Shape {
 impl PortShape {
     /// What may be connected, in words.
     pub fn describe(&self) -> String {
-        let kinds: Vec<&str> = self.kinds.iter().map(|kind| kind.name()).collect();
-        let kinds = kinds.join(" or ");
+        let names: Vec<&str> = self.kinds.iter().map(|kind| kind.name()).collect();
+        let kinds = match &names[..] {
+            _ if self.kinds.len() == Kind::OWN.len() => "any kind".to_owned(),
+            [first @ .., last] if !first.is_empty() => format!("{} or {last}", first.join(", ")),
+            _ => names.concat(),
+        };
         match self.arity {
             Arity::List => format!("a list of nodes, each giving {kinds}"),
             _ => format!("a node that gives {kinds}"),

@@ -1,5 +1,7 @@
 //! Frame ranges and frame patterns in paths.
 
+use std::path::Path;
+
 /// Most frames a range may name.
 pub const MAX_FRAMES: usize = 1_000_000;
 
@@ -54,6 +56,14 @@ pub fn has_pattern(path: &str) -> bool {
     path.contains('#')
 }
 
+/// A path in two: the graph's folder where it begins with that, whose signs mean themselves, and the rest.
+pub fn split_folder<'a>(path: &'a str, folder: &Path) -> (&'a str, &'a str) {
+    match path.strip_prefix(&*folder.to_string_lossy()) {
+        Some(rest) => path.split_at(path.len() - rest.len()),
+        None => ("", path),
+    }
+}
+
 /// The path at `frame`: each run of `#` becomes the frame number, padded with zeros to the run's length.
 pub fn expand_pattern(path: &str, frame: i64) -> String {
     let mut expanded = String::with_capacity(path.len() + 8);
@@ -69,19 +79,24 @@ pub fn expand_pattern(path: &str, frame: i64) -> String {
     expanded
 }
 
-/// Replaces `$(env:NAME)` by the variable's value; the error is the name of the first one that is not set.
-pub fn expand_variables(text: &str, variable: &dyn Fn(&str) -> Option<String>) -> Result<String, String> {
+/// Replaces `$(env:NAME)` by the variable's value; the error is the names of those that are not set.
+pub fn expand_variables(text: &str, variable: &dyn Fn(&str) -> Option<String>) -> Result<String, Vec<String>> {
     let mut expanded = String::with_capacity(text.len());
+    let mut missing = Vec::new();
     let mut rest = text;
     while let Some(start) = rest.find("$(env:") {
         let Some(end) = rest[start..].find(')') else { break };
         let name = &rest[start + "$(env:".len()..start + end];
         expanded.push_str(&rest[..start]);
-        expanded.push_str(&variable(name).ok_or_else(|| name.to_owned())?);
+        match variable(name) {
+            Some(value) => expanded.push_str(&value),
+            None if missing.iter().any(|other| other == name) => {}
+            None => missing.push(name.to_owned()),
+        }
         rest = &rest[start + end + 1..];
     }
     expanded.push_str(rest);
-    Ok(expanded)
+    if missing.is_empty() { Ok(expanded) } else { Err(missing) }
 }
 
 #[cfg(test)]
@@ -109,7 +124,8 @@ mod tests {
     fn variables() {
         let shot = |name: &str| (name == "SHOT").then(|| "sh010".to_owned());
         assert_eq!(expand_variables("a/$(env:SHOT)/b", &shot), Ok("a/sh010/b".into()));
-        assert_eq!(expand_variables("a/$(env:NONE)/b", &shot), Err("NONE".into()));
+        let missing = expand_variables("$(env:NONE)/$(env:SHOT)/$(env:NIL)/$(env:NONE)", &shot);
+        assert_eq!(missing, Err(vec!["NONE".into(), "NIL".into()]));
         assert_eq!(expand_variables("costs $5 (env:", &shot), Ok("costs $5 (env:".into()));
     }
 }

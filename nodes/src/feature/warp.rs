@@ -27,7 +27,7 @@ pub struct FeatureWarp {
 /// What a feature may do.
 #[derive(Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub enum Mode {
-    /// Turn, and scale as the warp does on the whole.
+    /// Turn, and take one scale from the warp: where it stretches, the smaller of the two.
     #[default]
     Similarity,
     /// Turn, and keep its size.

@@ -32,7 +32,7 @@ pub enum Periodic {
     X,
     /// The lower edge is the upper one.
     Y,
-    /// Both.
+    /// Along both.
     Both,
 }
 

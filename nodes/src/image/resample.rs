@@ -132,6 +132,9 @@ impl Drawing<'_> {
         // Without the filter's reach: the identity keeps the window.
         let limit = Window { x0: -FAR, y0: -FAR, x1: FAR, y1: FAR };
         let bounds = resample::bounds(&self.map(), window(&windows.data), Kernel::Nearest, limit).map(rect);
+        // What lies out of reach may be empty and yet millions of rows high.
+        let nothing = Rect::at(display.x0, display.y0, 0, 0);
+        let bounds = bounds.map(|bounds| if bounds.is_empty() { nothing } else { bounds });
         let endless = self.node.edge != Edge::Transparent;
         match bounds {
             Some(bounds) if self.node.fit => Windows { display: bounds, data: bounds, ..*windows },
@@ -141,6 +144,10 @@ impl Drawing<'_> {
     }
 
     fn draw(&self, from: &Rect, to: &Rect, planes: &[&Buffer<f32>]) -> Result<Vec<BufferMut<f32>>, NodeError> {
+        // Without planes there is nothing to draw, but every pixel would be located.
+        if planes.is_empty() {
+            return Ok(Vec::new());
+        }
         let filter = match self.node.filter {
             Filter::Nearest => Kernel::Nearest,
             Filter::Linear => Kernel::Linear,
@@ -155,6 +162,9 @@ impl Drawing<'_> {
     }
 
     fn draw_labels(&self, from: &Rect, to: &Rect, planes: &[&Buffer<u32>]) -> Result<Vec<BufferMut<u32>>, NodeError> {
+        if planes.is_empty() {
+            return Ok(Vec::new());
+        }
         let mut out = self.planes(to, planes.len())?;
         let (views, outs) = (planes.iter().map(|plane| view(plane)).collect::<Vec<_>>(), views_mut(&mut out));
         let watch = watch(self.cx);

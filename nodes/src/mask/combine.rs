@@ -16,7 +16,7 @@ use crate::adapt::{view, view_mut};
 pub struct Combine {
     /// Masks to combine.
     pub masks: Vec<In<Mask>>,
-    /// How.
+    /// How they are combined.
     pub mode: Mode,
 }
 

@@ -5,6 +5,7 @@
 //! node that cannot be checked further keeps its name, so that those who name it are not blamed.
 
 mod document;
+mod hints;
 mod sinks;
 mod values;
 mod wiring;
@@ -14,7 +15,7 @@ use std::path::{Path, PathBuf};
 use super::plan::Plan;
 use super::read;
 use super::source::{At, Sources};
-use crate::diag::{Code, Fault};
+use crate::diag::{Code, Fault, Place};
 use crate::registry::Registry;
 
 /// Largest graph file, bytes.
@@ -64,20 +65,23 @@ pub fn check(text: &str, registry: &Registry, options: &Options) -> Checked {
     let mut report = Reporter { sources: Sources::default(), found: Vec::new() };
     if text.len() > MAX_BYTES {
         let message = format!("the file has {} bytes; a graph file has at most {MAX_BYTES}", text.len());
-        let fault = Fault::new(Code::TooLarge, message);
+        let hint = "is it a graph? if so, split it into several".to_owned();
+        let start = Place { file: options.file.to_owned(), line: 1, column: 1, length: 0, text: String::new() };
+        let fault = Fault::new(Code::TooLarge, message).hint(hint).place(Some(start));
         return Checked { plan: None, faults: vec![fault], warnings: Vec::new() };
     }
     report.sources.add(options.file, text);
     let reading = read::read(text);
-    for fault in &reading.faults {
-        let found = Fault::new(Code::Syntax, fault.message.clone()).hint(fault.hint.clone());
-        report.add(At { source: 0, span: fault.span }, found);
-    }
     let sets: Vec<document::Set> = options.set.iter().filter_map(|set| document::read_set(set, &mut report)).collect();
-    let Some(tree) = &reading.tree else { return report.end(None, Vec::new()) };
-    let Some(graph) = document::read_graph(tree, registry, &sets, options, &mut report) else {
-        return report.end(None, Vec::new());
-    };
+    let graph =
+        reading.tree.as_ref().and_then(|tree| document::read_graph(tree, registry, &sets, options, &mut report));
+    for fault in &reading.faults {
+        let at = fault.opened.unwrap_or(fault.span).start;
+        let node = graph.as_ref().and_then(|graph| graph.node_around(at)).map(str::to_owned);
+        let found = Fault { node, ..Fault::new(Code::Syntax, fault.message.clone()) };
+        report.add(At { source: 0, span: fault.span }, found.hint(fault.hint.clone()));
+    }
+    let Some(graph) = graph else { return report.end(None, Vec::new()) };
     let drafts = values::read_nodes(&graph, options, &mut report);
     let wired = wiring::wire(&graph, drafts, &mut report);
     let (plan, warnings) = sinks::finish(graph, wired, options, &mut report);

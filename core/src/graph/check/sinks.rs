@@ -3,12 +3,14 @@
 use std::collections::HashMap;
 use std::path::{Component, Path, PathBuf};
 
-use super::document::Graph;
+use serde_json::Value as Json;
+
+use super::document::{Entry, Graph};
 use super::values::Draft;
 use super::wiring::Wired;
 use super::{At, Options, Reporter};
-use crate::diag::{Code, Fault, suggestion};
-use crate::graph::frames::{expand_pattern, has_pattern};
+use crate::diag::{Code, Fault};
+use crate::graph::frames::{expand_pattern, has_pattern, split_folder};
 use crate::graph::plan::{Plan, PlanNode};
 use crate::graph::source::Sources;
 use crate::node::Request;
@@ -19,48 +21,28 @@ use crate::value::Kind;
 type Warnings = Vec<(At, Fault)>;
 
 /// The last faults, and the plan if nothing is missing for it.
-pub(super) fn finish(
-    graph: Graph,
-    mut wired: Wired,
-    options: &Options,
-    report: &mut Reporter,
-) -> (Option<Plan>, Warnings) {
+pub(super) fn finish(graph: Graph, wired: Wired, options: &Options, report: &mut Reporter) -> (Option<Plan>, Warnings) {
     let sinks: Vec<usize> = (0..graph.nodes.len())
         .filter(|&index| graph.nodes[index].node_type.as_ref().is_some_and(|node_type| node_type.sink))
         .collect();
     let targets = targets(&graph, &sinks, options, report);
     sink_conflicts(&graph, &wired, &sinks, report);
-    let Some(order) = wired.order.take() else { return (None, Vec::new()) };
-    let reached = reached(&wired, &targets);
-    let warnings = unreached(&graph, &wired, &reached);
-    // What a node asks of its inputs is known only of nodes that are whole: the others were reported already.
-    let whole = |index: usize| {
-        let draft = wired.drafts[index].as_ref()?;
-        let complete = wired.slots[index].len() == draft.ports.len() && wired.links[index].len() == draft.links.len();
-        complete.then_some(draft)
-    };
-    let all_whole = (0..graph.nodes.len()).all(|index| whole(index).is_some());
-    if !all_whole || report.count() > 0 && !values_are_sound(report) {
+    let reached = flood(&targets, |index| wired.sources(index).collect(), graph.nodes.len());
+    // What feeds a node that is not whole cannot be told, nor then what nothing needs.
+    let whole = |index: usize| wired.drafts[index].as_ref().is_some_and(|draft| is_whole(draft, &wired, index));
+    let all_whole = !targets.is_empty() && (0..graph.nodes.len()).all(whole);
+    let warnings = if all_whole { unreached(&graph, &reached) } else { Vec::new() };
+    let prototypes: Vec<Option<Box<dyn AnyNode>>> = (wired.drafts.iter())
+        .map(|draft| draft.as_ref().map(|draft| draft.node_type.make(&Json::Object(draft.params.json.clone()))))
+        .collect();
+    let varies = frame_faults(&graph, &wired, &prototypes, &targets, report);
+    if report.count() > 0 {
         return (None, warnings);
     }
     let drafts: Vec<Draft> = wired.drafts.into_iter().flatten().collect();
-    let prototypes: Vec<Box<dyn AnyNode>> = (drafts.iter())
-        .map(|draft| draft.node_type.make(&serde_json::Value::Object(draft.params.json.clone())))
-        .collect();
-    let mut is_static = vec![true; drafts.len()];
-    for &index in &order {
-        let asks_static = |port: &str, source: usize, is_static: &[bool]| {
-            let needs = prototypes[index].needs(port, &Request::whole(None), &graph.frames);
-            needs.iter().all(|need| need.frame.is_some() || is_static[source])
-        };
-        is_static[index] = drafts[index].animated_at.is_none()
-            && wired.slots[index].iter().all(|slot| asks_static(&slot.port, slot.source, &is_static))
-            && wired.links[index].iter().all(|&(source, _)| is_static[source]);
-    }
-    frame_faults(&graph, &drafts, &is_static, &reached, report);
 
     let mut nodes = Vec::with_capacity(drafts.len());
-    let rows = drafts.into_iter().zip(prototypes).zip(wired.slots).zip(wired.links).enumerate();
+    let rows = drafts.into_iter().zip(prototypes.into_iter().flatten()).zip(wired.slots).zip(wired.links).enumerate();
     for (index, (((draft, prototype), mut slots), links)) in rows {
         for slot in &mut slots {
             let windows_only = draft.node_type.ports().any(|(p, port)| p.name == slot.port && port.windows_only);
@@ -74,23 +56,15 @@ pub(super) fn finish(
             slots,
             links,
             prototype,
-            is_static: is_static[index],
+            is_static: !varies[index],
             at: draft.at,
             param_at: draft.param_at,
         });
     }
     let graph_file = std::path::absolute(options.file).unwrap_or_else(|_| options.file.to_owned());
-    let order = order.into_iter().filter(|&index| reached[index]).collect();
+    let order = wired.order.into_iter().filter(|&index| reached[index]).collect();
     let plan = Plan { graph: graph_file, nodes, targets, order, frames: graph.frames, sources: Sources::default() };
     (Some(plan), warnings)
-}
-
-/// Whether node structs can be made: no fault that leaves a parameter without a value.
-fn values_are_sound(report: &Reporter) -> bool {
-    report
-        .found
-        .iter()
-        .all(|(_, fault)| matches!(fault.code, Code::SinkConflict | Code::NoTarget | Code::MissingPlugin))
 }
 
 fn targets(graph: &Graph, sinks: &[usize], options: &Options, report: &mut Reporter) -> Vec<usize> {
@@ -110,7 +84,7 @@ fn targets(graph: &Graph, sinks: &[usize], options: &Options, report: &mut Repor
                 let source = report.sources.add(Path::new(flag), id);
                 let span = crate::graph::read::Span { start: 0, end: id.len() as u32 };
                 let fault = Fault::new(Code::UnknownNode, format!("there is no node `{id}`"));
-                report.add(At { source, span }, fault.hint(suggestion(id, graph.index.keys().copied())));
+                report.add(At { source, span }, fault.hint(graph.suggestion(id, usize::MAX, report)));
             }
         }
     }
@@ -119,56 +93,63 @@ fn targets(graph: &Graph, sinks: &[usize], options: &Options, report: &mut Repor
     targets
 }
 
-/// Which nodes the targets need.
-fn reached(wired: &Wired, targets: &[usize]) -> Vec<bool> {
-    let mut reached = vec![false; wired.slots.len()];
-    let mut stack = targets.to_vec();
+/// What can be come to from `starts` by steps.
+fn flood(starts: &[usize], step: impl Fn(usize) -> Vec<usize>, count: usize) -> Vec<bool> {
+    let mut found = vec![false; count];
+    let mut stack = starts.to_vec();
     while let Some(index) = stack.pop() {
-        if !std::mem::replace(&mut reached[index], true) {
-            stack.extend(wired.slots[index].iter().map(|slot| slot.source));
-            stack.extend(wired.links[index].iter().map(|&(source, _)| source));
+        if !std::mem::replace(&mut found[index], true) {
+            stack.extend(step(index));
         }
     }
-    reached
+    found
 }
 
-fn unreached(graph: &Graph, wired: &Wired, reached: &[bool]) -> Warnings {
-    let loose = (0..reached.len()).filter(|&index| !reached[index] && wired.drafts[index].is_some());
-    loose
-        .map(|index| {
-            let id = graph.nodes[index].id;
-            let fault = Fault::new(Code::Unreached, format!("no target needs `{id}`")).node(id);
-            (graph.nodes[index].at, fault)
-        })
-        .collect()
+/// Whether all that should feed a node does.
+fn is_whole(draft: &Draft, wired: &Wired, index: usize) -> bool {
+    let (slots, links) = (&wired.slots[index], &wired.links[index]);
+    let fed = |port: &str| slots.iter().any(|slot| slot.port == port);
+    slots.len() == draft.ports.len()
+        && links.len() == draft.links.len()
+        && draft.node_type.ports().all(|(param, _)| !param.required || fed(&param.name))
 }
 
-fn written_path(draft: &Draft) -> Option<(&str, &str)> {
+fn unreached(graph: &Graph, reached: &[bool]) -> Warnings {
+    // A second node of a name is a fault, and nothing can name it.
+    let is_first = |index: usize| graph.index.get(graph.nodes[index].id) == Some(&index);
+    let loose = graph.nodes.iter().enumerate().filter(|&(index, _)| !reached[index] && is_first(index));
+    let warn = |(_, entry): (usize, &Entry)| {
+        let hint = "connect it, or remove it".to_owned();
+        let message = format!("no target needs `{}`", entry.id);
+        (entry.at, Fault::new(Code::Unreached, message).node(entry.id).hint(hint))
+    };
+    loose.map(warn).collect()
+}
+
+/// The parameter that names the file a node writes, and the file: the graph's folder if it lies there, and the rest.
+fn written_path<'a>(draft: &'a Draft, graph: &Graph) -> Option<(&'a str, (&'a str, &'a str))> {
     let (name, _) = draft.params.paths.iter().find(|(_, access)| *access == Access::Write)?;
-    Some((name, draft.params.json.get(name)?.as_str()?))
+    Some((name, split_folder(draft.params.json.get(name)?.as_str()?, &graph.folder)))
 }
 
 /// Two sinks on one path, over all frames.
 fn sink_conflicts(graph: &Graph, wired: &Wired, sinks: &[usize], report: &mut Reporter) {
     let mut writers: HashMap<String, usize> = HashMap::new();
     for &index in sinks {
-        let Some((draft, (param, path))) = wired.drafts[index].as_ref().and_then(|d| Some((d, written_path(d)?)))
-        else {
-            continue;
-        };
+        let Some(draft) = &wired.drafts[index] else { continue };
+        let Some((param, (folder, path))) = written_path(draft, graph) else { continue };
         let frames: &[i64] = if has_pattern(path) { &graph.frames } else { &[] };
         let mut paths: Vec<String> = frames.iter().map(|&frame| expand_pattern(path, frame)).collect();
         if paths.is_empty() {
             paths.push(path.to_owned());
         }
-        for path in paths {
+        for path in paths.into_iter().map(|path| format!("{folder}{path}")) {
             let other = *writers.entry(folded(&path)).or_insert(index);
             if other != index {
                 let (id, other) = (graph.nodes[index].id, graph.nodes[other].id);
                 let message = format!("`{other}` writes {path} too");
-                let at = draft.param_at.iter().find(|(name, _)| name == param).map_or(draft.at, |(_, at)| *at);
                 let fault = Fault::new(Code::SinkConflict, message).node(id).parameter(param);
-                report.add(at, fault.hint("give each Save a path of its own".to_owned()));
+                report.add(param_at(draft, param), fault.hint("give each Save a path of its own".to_owned()));
                 break;
             }
         }
@@ -190,25 +171,58 @@ fn folded(path: &str) -> String {
     resolved.to_string_lossy().to_lowercase()
 }
 
-fn frame_faults(graph: &Graph, drafts: &[Draft], is_static: &[bool], reached: &[bool], report: &mut Reporter) {
-    let mut said = false;
-    for (index, draft) in drafts.iter().enumerate().filter(|(index, _)| reached[*index]) {
-        let id = graph.nodes[index].id;
-        if let Some(at) = draft.animated_at.filter(|_| graph.frames.is_empty() && !said) {
-            let hint = "add frames: \"1001-1100\" to the graph, or --frames 1001-1100".to_owned();
-            let fault = Fault::new(Code::NoFrames, format!("`{id}` changes over frames, and no frames are given"));
-            report.add(at, fault.node(id).hint(hint));
-            said = true;
-        }
-        if let Some((param, path)) = written_path(draft)
-            && !has_pattern(path)
-            && !is_static[index]
-            && graph.frames.len() > 1
-        {
-            let at = draft.param_at.iter().find(|(name, _)| name == param).map_or(draft.at, |(_, at)| *at);
-            let message = format!("`{id}` would write {} frames to one file", graph.frames.len());
-            let fault = Fault::new(Code::NeedsFramePattern, message).node(id).parameter(param);
-            report.add(at, fault.hint("put #### where the frame number belongs".to_owned()));
-        }
+/// What is asked without a frame must not change over frames, unless there are frames; and what changes cannot be
+/// written to one file. Gives which nodes change.
+fn frame_faults(
+    graph: &Graph,
+    wired: &Wired,
+    prototypes: &[Option<Box<dyn AnyNode>>],
+    targets: &[usize],
+    report: &mut Reporter,
+) -> Vec<bool> {
+    let count = graph.nodes.len();
+    let asked = frameless(graph, wired, prototypes);
+    let mut askers: Vec<Vec<usize>> = vec![Vec::new(); count];
+    for (index, sources) in asked.iter().enumerate() {
+        sources.iter().for_each(|&source| askers[source].push(index));
     }
+    let animated_at = |index: usize| wired.drafts[index].as_ref()?.animated_at.as_ref();
+    let animated: Vec<usize> = (0..count).filter(|&index| animated_at(index).is_some()).collect();
+    let varies = flood(&animated, |index| askers[index].clone(), count);
+    let asked_by_targets = flood(targets, |index| asked[index].clone(), count);
+
+    let first = animated.iter().find(|&&index| asked_by_targets[index]).filter(|_| !graph.frames_given);
+    if let Some((&index, (at, param))) = first.and_then(|index| Some((index, animated_at(*index)?))) {
+        let id = graph.nodes[index].id;
+        let hint = "add frames: \"1001-1100\" to the graph, or --frames 1001-1100".to_owned();
+        let message = format!("`{id}` changes over frames, and no frames are given");
+        let fault = Fault { parameter: param.clone(), ..Fault::new(Code::NoFrames, message) };
+        report.add(*at, fault.node(id).hint(hint));
+    }
+    for &index in targets.iter().filter(|&&index| varies[index] && graph.frames.len() > 1) {
+        let Some(draft) = &wired.drafts[index] else { continue };
+        let Some((param, _)) = written_path(draft, graph).filter(|(_, (_, path))| !has_pattern(path)) else { continue };
+        let id = graph.nodes[index].id;
+        let message = format!("`{id}` would write {} frames to one file", graph.frames.len());
+        let fault = Fault::new(Code::NeedsFramePattern, message).node(id).parameter(param);
+        report.add(param_at(draft, param), fault.hint("put #### where the frame number belongs".to_owned()));
+    }
+    varies
+}
+
+/// Per node, what it asks without a frame when it is itself asked so.
+fn frameless(graph: &Graph, wired: &Wired, prototypes: &[Option<Box<dyn AnyNode>>]) -> Vec<Vec<usize>> {
+    let asks = |index: usize, port: &str| {
+        let needs = |node: &dyn AnyNode| node.needs(port, &Request::whole(None), &graph.frames);
+        prototypes[index].as_deref().is_some_and(|node| needs(node).iter().any(|need| need.frame.is_none()))
+    };
+    let of = |index: usize| {
+        let slots = wired.slots[index].iter().filter(|slot| asks(index, &slot.port)).map(|slot| slot.source);
+        slots.chain(wired.links[index].iter().map(|&(source, _)| source)).collect()
+    };
+    (0..graph.nodes.len()).map(of).collect()
+}
+
+fn param_at(draft: &Draft, param: &str) -> At {
+    draft.param_at.iter().find(|(name, _)| name == param).map_or(draft.at, |(_, at)| *at)
 }

@@ -6,11 +6,12 @@ use std::sync::Arc;
 
 use serde_json::Value as Json;
 
-use super::document::{Entry, Graph};
+use super::document::{Entry, Field, Graph};
+use super::hints::{found, instead, mend, of_variants};
 use super::{At, Options, Reporter};
 use crate::diag::{Code, Fault, suggestion};
 use crate::graph::frames::{expand_variables, has_pattern};
-use crate::graph::plan::{Hole, Source, Step, Template, json_integer, json_number};
+use crate::graph::plan::{Hole, Source, Step, Template, json_integer, json_number, shown};
 use crate::graph::read::{Ron, Spanned};
 use crate::registry::NodeType;
 use crate::schema::{Access, Arity, Param, PortShape, Shape, Variant};
@@ -25,8 +26,8 @@ pub(super) struct Draft {
     pub links: Vec<Reference>,
     pub param_at: Vec<(String, At)>,
     pub at: At,
-    /// Where it first says something that changes over frames.
-    pub animated_at: Option<At>,
+    /// Where it first says something that changes over frames, and the parameter if it is one that does.
+    pub animated_at: Option<(At, Option<String>)>,
 }
 
 /// A `"node"` or `"node.port"`.
@@ -40,11 +41,9 @@ pub(super) struct Reference {
 
 /// A draft per node; none where a node cannot be checked.
 pub(super) fn read_nodes(graph: &Graph, options: &Options, report: &mut Reporter) -> Vec<Option<Draft>> {
-    let folder = options.file.parent().unwrap_or(Path::new("")).to_owned();
-    let folder = std::path::absolute(&folder).unwrap_or(folder);
     let read = |entry: &Entry, report: &mut Reporter| {
         let node_type = entry.node_type.clone().filter(|_| entry.sound)?;
-        Some(read_node(entry, node_type, &folder, options, report))
+        Some(read_node(entry, node_type, &graph.folder, options, report))
     };
     graph.nodes.iter().map(|entry| read(entry, report)).collect()
 }
@@ -56,15 +55,17 @@ fn read_node(
     options: &Options,
     report: &mut Reporter,
 ) -> Draft {
-    let mut given: HashMap<&str, (&Spanned<Ron>, At, u32)> = HashMap::new();
+    let mut given: HashMap<&str, Vec<&Field>> = HashMap::new();
     for field in &entry.fields {
-        let known = node_type.param(field.name);
-        let fault = if known.is_none() {
+        let values = given.entry(field.name).or_default();
+        values.push(field);
+        let fault = if node_type.param(field.name).is_none() {
             let names = node_type.params.iter().map(|param| param.name.as_str());
             let message = format!("`{}` has no parameter `{}`", node_type.name, field.name);
             Fault::new(Code::UnknownParameter, message).hint(suggestion(field.name, names))
-        } else if given.insert(field.name, (field.value, field.name_at, field.source)).is_some() {
-            Fault::new(Code::DuplicateParameter, format!("`{}` is given twice", field.name))
+        } else if values.len() > 1 {
+            let hint = "keep one of them".to_owned();
+            Fault::new(Code::DuplicateParameter, format!("`{}` is given twice", field.name)).hint(hint)
         } else {
             continue;
         };
@@ -79,39 +80,48 @@ fn read_node(
         at: entry.at,
         animated_at: None,
     };
-    let mut walk = Walk { node: entry.id, param: "", source: 0, path: Vec::new(), folder, options, report, draft };
+    let path = Vec::new();
+    let mut walk = Walk { node: entry.id, param: "", declared: None, source: 0, path, folder, options, report, draft };
     for param in &node_type.params {
         walk.param = &param.name;
+        walk.declared = Some(param);
         walk.path = vec![Step::Field(param.name.clone())];
-        let json = match given.get(param.name.as_str()) {
-            Some((value, _, source)) => {
-                walk.source = *source;
-                walk.draft.param_at.push((param.name.clone(), At { source: *source, span: value.span }));
-                walk.value(value, &param.shape, param.unit.as_deref()).unwrap_or(Json::Null)
-            }
-            None => {
-                walk.absent(param, entry.at);
-                if matches!(&param.shape, Shape::Port(port) if port.arity == Arity::List) {
-                    Json::Array(Vec::new())
-                } else if matches!(param.shape, Shape::Port(_)) {
-                    Json::Null
-                } else {
-                    param.default.clone()
-                }
-            }
-        };
-        walk.draft.params.json.insert(param.name.clone(), json);
+        let values = given.get(param.name.as_str()).map_or(&[][..], Vec::as_slice);
+        if values.is_empty() {
+            walk.absent(param, entry.at);
+        }
+        // Of one that is given twice, each value is checked.
+        let mut json = None;
+        for field in values {
+            walk.source = field.source;
+            walk.draft.param_at.push((param.name.clone(), At { source: field.source, span: field.value.span }));
+            json = walk.value(field.value, &param.shape, param.unit.as_deref());
+        }
+        walk.draft.params.json.insert(param.name.clone(), json.unwrap_or_else(|| stand_in(param)));
     }
     if node_type.reads_frame {
-        walk.draft.animated_at.get_or_insert(entry.at);
+        walk.draft.animated_at.get_or_insert((entry.at, None));
     }
     walk.draft
+}
+
+/// What stands in the template for a parameter that is not given, or not rightly: a node can be made of it.
+fn stand_in(param: &Param) -> Json {
+    match &param.shape {
+        Shape::Port(port) => match port.arity {
+            Arity::One => 0.into(),
+            Arity::Optional => Json::Null,
+            Arity::List => Json::Array(Vec::new()),
+        },
+        _ => param.default.clone(),
+    }
 }
 
 /// One node's values on the way.
 struct Walk<'a> {
     node: &'a str,
     param: &'a str,
+    declared: Option<&'a Param>,
     source: u32,
     path: Vec<Step>,
     folder: &'a Path,
@@ -130,21 +140,40 @@ impl Walk<'_> {
         self.report.add(at, fault);
     }
 
+    /// What to write in place of the whole parameter.
+    fn mend(&self) -> Option<String> {
+        self.declared.map(mend)
+    }
+
+    /// The parameter, and within it the field, as messages name it.
+    fn name(&self) -> String {
+        let fields = self.path.iter().filter_map(|step| match step {
+            Step::Field(name) => Some(name.as_str()),
+            Step::Index(_) => None,
+        });
+        fields.collect::<Vec<_>>().join(".")
+    }
+
+    fn animated(&mut self, at: At) {
+        self.draft.animated_at.get_or_insert_with(|| (at, Some(self.param.to_owned())));
+    }
+
     fn absent(&mut self, param: &Param, at: At) {
         if !param.required {
             return;
         }
         let what = param.shape.describe(param.unit.as_deref());
         let (code, message) = match param.shape {
-            Shape::Port(_) => (Code::MissingInput, format!("`{}` is not connected", param.name)),
-            _ => (Code::MissingParameter, format!("`{}` is not given", param.name)),
+            Shape::Port(_) => (Code::MissingInput, format!("`{}` is not connected; it takes {what}", param.name)),
+            _ => (Code::MissingParameter, format!("`{}` is not given; it takes {what}", param.name)),
         };
-        self.fault(at, code, message, Some(format!("it takes {what}")));
+        self.fault(at, code, message, Some(mend(param)));
     }
 
     fn mistyped<T>(&mut self, value: &Spanned<Ron>, shape: &Shape, unit: Option<&str>) -> Option<T> {
-        let (what, hint) = (found(&value.value), bracket_hint(&value.value, shape));
-        let message = format!("`{}` takes {}, found {what}", self.param, shape.describe(unit));
+        let what = found(&value.value);
+        let hint = instead(&value.value, shape).or_else(|| self.mend());
+        let message = format!("`{}` takes {}, found {what}", self.name(), shape.describe(unit));
         self.fault(self.at(value), Code::Mistyped, message, hint);
         None
     }
@@ -168,8 +197,10 @@ impl Walk<'_> {
                 self.items(items.iter().zip(shapes), unit)
             }
             (Shape::List(item), Ron::List(items)) => self.items(items.iter().map(|value| (value, &**item)), unit),
-            (Shape::Struct(fields), Ron::Struct { name: None, fields: given }) => self.fields(fields, given),
-            (Shape::Struct(fields), Ron::Unit) => self.fields(fields, &[]),
+            (Shape::Struct(fields), Ron::Struct { name: None, fields: given }) => {
+                self.fields(self.at(value), fields, given)
+            }
+            (Shape::Struct(fields), Ron::Unit) => self.fields(self.at(value), fields, &[]),
             _ => self.mistyped(value, shape, unit),
         }
     }
@@ -192,17 +223,23 @@ impl Walk<'_> {
         sound.then_some(Json::Array(list))
     }
 
-    fn fields(&mut self, fields: &[Param], given: &[(Spanned<String>, Spanned<Ron>)]) -> Option<Json> {
+    fn fields(&mut self, whole: At, fields: &[Param], given: &[(Spanned<String>, Spanned<Ron>)]) -> Option<Json> {
         let mut sound = true;
         let mut seen: HashMap<&str, &Spanned<Ron>> = HashMap::new();
         for (name, value) in given {
             let at = At { source: self.source, span: name.span };
             if !fields.iter().any(|field| field.name == name.value) {
                 let hint = suggestion(&name.value, fields.iter().map(|field| field.name.as_str()));
-                self.fault(at, Code::UnknownParameter, format!("`{}` has no field `{}`", self.param, name.value), hint);
+                self.fault(
+                    at,
+                    Code::UnknownParameter,
+                    format!("`{}` has no field `{}`", self.name(), name.value),
+                    hint,
+                );
                 sound = false;
             } else if seen.insert(&name.value, value).is_some() {
-                self.fault(at, Code::DuplicateParameter, format!("`{}` is given twice", name.value), None);
+                let hint = Some("keep one of them".to_owned());
+                self.fault(at, Code::DuplicateParameter, format!("`{}` is given twice", name.value), hint);
                 sound = false;
             }
         }
@@ -215,6 +252,11 @@ impl Walk<'_> {
                     self.path.pop();
                     json
                 }
+                None if field.required => {
+                    let message = format!("`{}` needs a field `{}`", self.name(), field.name);
+                    self.fault(whole, Code::MissingParameter, message, Some(mend(field)));
+                    None
+                }
                 None => Some(field.default.clone()),
             };
             sound &= json.is_some();
@@ -223,17 +265,17 @@ impl Walk<'_> {
         sound.then_some(Json::Object(object))
     }
 
-    fn choice(&mut self, value: &Spanned<Ron>, shape: &Shape, variants: &[Variant]) -> Option<Json> {
+    fn choice(&mut self, value: &Spanned<Ron>, choice: &Shape, variants: &[Variant]) -> Option<Json> {
         let (name, at) = match &value.value {
             Ron::Name(name) => (name.as_str(), self.at(value)),
             Ron::Tuple { name: Some(name), .. } | Ron::Struct { name: Some(name), .. } => {
                 (name.value.as_str(), At { source: self.source, span: name.span })
             }
-            _ => return self.mistyped(value, shape, None),
+            _ => return self.mistyped(value, choice, None),
         };
         let Some(variant) = variants.iter().find(|variant| variant.name == name) else {
-            let hint = suggestion(name, variants.iter().map(|variant| variant.name.as_str()));
-            self.fault(at, Code::Mistyped, format!("`{}` cannot be `{name}`", self.param), hint);
+            let message = format!("`{}` takes {}, found `{name}`", self.name(), choice.describe(None));
+            self.fault(at, Code::Mistyped, message, of_variants(name, variants));
             return None;
         };
         let content = match (&variant.content, &value.value) {
@@ -245,18 +287,21 @@ impl Walk<'_> {
                         self.items(items.iter().zip(shapes), None)
                     }
                     ([item], _) => self.value(item, shape, None),
-                    _ => self.mistyped(value, shape, None),
+                    _ => {
+                        self.path.pop();
+                        return self.mistyped(value, choice, None);
+                    }
                 };
                 self.path.pop();
                 content?
             }
             (Some(Shape::Struct(fields)), Ron::Struct { fields: given, .. }) => {
                 self.path.push(Step::Field(name.to_owned()));
-                let content = self.fields(fields, given);
+                let content = self.fields(at, fields, given);
                 self.path.pop();
                 content?
             }
-            _ => return self.mistyped(value, shape, None),
+            _ => return self.mistyped(value, choice, None),
         };
         Some(Json::Object([(name.to_owned(), content)].into_iter().collect()))
     }
@@ -266,25 +311,24 @@ impl Walk<'_> {
     fn text(&mut self, value: &Spanned<Ron>, text: &str, access: Option<Access>) -> Option<Json> {
         let expanded = match expand_variables(text, self.options.variable) {
             Ok(expanded) => expanded,
-            Err(name) => {
-                let message = format!("the environment variable `{name}` is not set");
-                self.fault(self.at(value), Code::MissingVariable, message, Some(format!("set it: {name}=..")));
+            Err(names) => {
+                for name in names {
+                    let message = format!("the environment variable `{name}` is not set");
+                    let hint = format!("set it before the run: export {name}=..");
+                    self.fault(self.at(value), Code::MissingVariable, message, Some(hint));
+                }
                 return None;
             }
         };
         let Some(access) = access else { return Some(expanded.into()) };
         if expanded.is_empty() {
-            self.fault(
-                self.at(value),
-                Code::OutOfRange,
-                format!("`{}` is empty; it must name a file", self.param),
-                None,
-            );
+            let message = format!("`{}` is empty; it must name a file", self.param);
+            self.fault(self.at(value), Code::OutOfRange, message, self.mend());
             return None;
         }
         self.draft.params.paths.push((self.param.to_owned(), access));
         if has_pattern(&expanded) {
-            self.draft.animated_at.get_or_insert(At { source: self.source, span: value.span });
+            self.animated(self.at(value));
         }
         Some(self.folder.join(expanded).to_string_lossy().into_owned().into())
     }
@@ -300,20 +344,14 @@ impl Walk<'_> {
                 self.port(&items[0], port)
             }
             (Ron::List(items), Arity::List) if items.is_empty() => {
-                let (message, hint) =
-                    (format!("`{}` is an empty list", self.param), format!("it takes {}", port.describe()));
-                self.fault(self.at(value), Code::MissingInput, message, Some(hint));
+                let message = format!("`{}` is an empty list; it takes {}", self.param, port.describe());
+                self.fault(self.at(value), Code::MissingInput, message, self.mend());
                 None
             }
             (Ron::List(items), Arity::List) => {
-                let mut slots = Vec::new();
-                for item in items {
-                    match &item.value {
-                        Ron::Text(text) => slots.push(self.connect(item, text, port)),
-                        _ => return self.mistyped(item, &Shape::Port(port.clone()), None),
-                    }
-                }
-                Some(Json::Array(slots))
+                let one = PortShape { arity: Arity::One, ..port.clone() };
+                let slots: Vec<Option<Json>> = items.iter().map(|item| self.port(item, &one)).collect();
+                slots.into_iter().collect::<Option<Vec<Json>>>().map(Json::Array)
             }
             _ => self.mistyped(value, &Shape::Port(port.clone()), None),
         }
@@ -343,11 +381,11 @@ impl Walk<'_> {
             }
             Ron::Tuple { name: Some(name), items } if name.value == "Keys" && animatable => {
                 let keys = self.keys(value, items, shape, unit)?;
-                self.draft.animated_at.get_or_insert(At { source: self.source, span: name.span });
+                self.animated(At { source: self.source, span: name.span });
                 self.hole(value, shape, Source::Keys(keys))
             }
             Ron::Tuple { name: Some(name), .. } if name.value == "Keys" => {
-                let message = format!("`{}` cannot change over frames", self.param);
+                let message = format!("`{}` cannot change over frames; it takes {}", self.name(), shape.describe(unit));
                 self.fault(self.at(value), Code::Mistyped, message, Some("give one whole number".into()));
                 None
             }
@@ -366,40 +404,55 @@ impl Walk<'_> {
     }
 
     fn constant(&mut self, value: &Spanned<Ron>, shape: &Shape, unit: Option<&str>) -> Option<Json> {
-        let unit_text = unit.map(|unit| format!(" {unit}")).unwrap_or_default();
         match (shape, &value.value) {
-            (Shape::Number(range), Ron::Int(_) | Ron::Float(_)) => {
-                let number = match &value.value {
-                    Ron::Int(int) => int.as_f64(),
-                    Ron::Float(float) => *float,
-                    _ => return None,
-                };
-                if !number.is_finite() {
-                    let message = format!("`{}` is {number}; it must be a finite number", self.param);
-                    self.fault(self.at(value), Code::NotFinite, message, None);
-                } else if !range.holds(number) {
-                    let message = format!("`{}` is {number}{unit_text}; it must be {range}{unit_text}", self.param);
-                    self.fault(self.at(value), Code::OutOfRange, message, None);
-                } else {
-                    return Some(json_number(number));
-                }
-                None
+            (Shape::Number(_), Ron::Int(int)) => self.float(value, int.as_f64(), shape, unit),
+            (Shape::Number(_), Ron::Float(float)) => self.float(value, *float, shape, unit),
+            (Shape::Integer { range, .. }, Ron::Int(int)) if (range.min..=range.max).contains(&int.value()) => {
+                Some(json_integer(int.value()))
             }
             (Shape::Integer { range, .. }, Ron::Int(int)) => {
-                if (range.min..=range.max).contains(&int.value()) {
-                    return Some(json_integer(int.value()));
-                }
-                let message = format!("`{}` is {int}{unit_text}; it must be {range}{unit_text}", self.param);
-                self.fault(self.at(value), Code::OutOfRange, message, None);
-                None
+                let nearest = int.value().clamp(range.min, range.max);
+                self.out_of_range(value, &int.to_string(), shape, unit, Some(nearest.to_string()))
             }
-            (Shape::Integer { .. }, Ron::Float(float)) if !float.is_finite() => {
-                let message = format!("`{}` is {float}; it must be a finite number", self.param);
-                self.fault(self.at(value), Code::NotFinite, message, None);
-                None
+            (Shape::Integer { .. }, Ron::Float(float)) if !float.is_finite() => self.float(value, *float, shape, unit),
+            // Digits too many for 64 bits are read as a float.
+            (Shape::Integer { .. }, Ron::Float(float)) if float.abs() >= u64::MAX as f64 => {
+                self.out_of_range(value, &shown(*float), shape, unit, None)
             }
             _ => self.mistyped(value, shape, unit),
         }
+    }
+
+    fn float(&mut self, value: &Spanned<Ron>, number: f64, shape: &Shape, unit: Option<&str>) -> Option<Json> {
+        match shape {
+            _ if !number.is_finite() => {
+                let message = format!("`{}` is {number}; it must be finite: {}", self.name(), shape.describe(unit));
+                let hint = self.mend();
+                self.fault(self.at(value), Code::NotFinite, message, hint);
+                None
+            }
+            Shape::Number(range) if !range.holds(number) => {
+                let over = range.max.filter(|&max| number > max);
+                let nearest = over.or(range.min.filter(|_| !range.above_min)).map(shown);
+                self.out_of_range(value, &shown(number), shape, unit, nearest)
+            }
+            _ => Some(json_number(number)),
+        }
+    }
+
+    fn out_of_range(
+        &mut self,
+        value: &Spanned<Ron>,
+        number: &str,
+        shape: &Shape,
+        unit: Option<&str>,
+        nearest: Option<String>,
+    ) -> Option<Json> {
+        let behind = unit.map(|unit| format!(" {unit}")).unwrap_or_default();
+        let message = format!("`{}` is {number}{behind}; it must be {}", self.name(), shape.describe(unit));
+        let hint = nearest.map(|nearest| format!("the nearest allowed is {nearest}")).or_else(|| self.mend());
+        self.fault(self.at(value), Code::OutOfRange, message, hint);
+        None
     }
 
     fn keys(
@@ -444,8 +497,10 @@ impl Walk<'_> {
             match frame_number {
                 None => malformed(self, frame, "a key's frame is a whole number"),
                 Some(at) if keys.last().is_some_and(|(before, _)| *before >= at) => {
-                    let message = format!("the frames of Keys must rise; {at} does not");
-                    self.fault(self.at(frame), Code::OutOfRange, message, None);
+                    let before = keys.last().map_or(at, |(before, _)| *before);
+                    let message = format!("the frames of Keys must rise; {at} stands behind {before}");
+                    let hint = "sort the keys by frame, each frame once".to_owned();
+                    self.fault(self.at(frame), Code::OutOfRange, message, Some(hint));
                 }
                 Some(at) => {
                     keys.push((at, number.unwrap_or_default()));
@@ -457,41 +512,4 @@ impl Walk<'_> {
         }
         sound.then_some(keys)
     }
-}
-
-/// What stands there, in words.
-fn found(value: &Ron) -> String {
-    match value {
-        Ron::Unit => "`()`".into(),
-        Ron::Bool(flag) => format!("`{flag}`"),
-        Ron::Int(int) => format!("`{int}`"),
-        Ron::Float(float) => format!("`{float:?}`"),
-        Ron::Char(c) => format!("the character `{c}`"),
-        Ron::Text(text) if text.chars().count() <= 40 => format!("the text \"{text}\""),
-        Ron::Text(_) => "text".into(),
-        Ron::Bytes(_) => "bytes".into(),
-        Ron::Range => "a range".into(),
-        Ron::Name(name) => format!("`{name}`"),
-        Ron::List(items) => format!("a list of {}", items.len()),
-        Ron::Map(_) => "a map".into(),
-        Ron::Struct { name: Some(name), .. } | Ron::Tuple { name: Some(name), .. } => format!("`{}(..)`", name.value),
-        Ron::Struct { .. } => "fields".into(),
-        Ron::Tuple { items, .. } => format!("{} values in parentheses", items.len()),
-        Ron::Broken => "something unreadable".into(),
-    }
-}
-
-fn bracket_hint(value: &Ron, shape: &Shape) -> Option<String> {
-    Some(match (shape, value) {
-        (Shape::Tuple(_), Ron::List(_)) => "use parentheses: (a, b)".into(),
-        (Shape::List(_), Ron::Tuple { .. }) => "use brackets: [a, b]".into(),
-        (Shape::Text(_), Ron::Name(name)) => format!("put it in double quotes: \"{name}\""),
-        (Shape::Choice(_), Ron::Text(text)) => format!("without quotes: {text}"),
-        (Shape::Port(_), Ron::Name(name)) => format!("nodes are named in double quotes: \"{name}\""),
-        (Shape::Port(port), Ron::List(_)) if port.arity != Arity::List => "connect one node, without brackets".into(),
-        (Shape::Integer { .. }, Ron::Float(_)) => "give a whole number, without a point".into(),
-        (Shape::Integer { animatable: false, .. }, Ron::Text(_)) => "this number cannot be linked".into(),
-        (Shape::Bool, Ron::Int(_)) => "write true or false".into(),
-        _ => return None,
-    })
 }

@@ -6,7 +6,7 @@ use petgraph::{Direction, algo};
 use super::Reporter;
 use super::document::Graph;
 use super::values::{Draft, Reference};
-use crate::diag::{Code, Fault, closest};
+use crate::diag::{Code, Fault};
 use crate::graph::plan::Slot;
 use crate::node::OutputKind;
 use crate::schema::PortShape;
@@ -19,10 +19,18 @@ pub(super) struct Wired {
     pub slots: Vec<Vec<Slot>>,
     /// Per node, source and output of its links.
     pub links: Vec<Vec<(usize, usize)>>,
-    /// All nodes, each after its inputs; none if there is a cycle.
-    pub order: Option<Vec<usize>>,
+    /// All nodes, each after its inputs but for those in a cycle, which is a fault.
+    pub order: Vec<usize>,
     /// Per node and output, its kind where that is known.
     pub kinds: Vec<Vec<Option<Kind>>>,
+}
+
+impl Wired {
+    /// What feeds a node.
+    pub fn sources(&self, index: usize) -> impl Iterator<Item = usize> {
+        let slots = self.slots[index].iter().map(|slot| slot.source);
+        slots.chain(self.links[index].iter().map(|&(source, _)| source))
+    }
 }
 
 /// An edge that has both ends.
@@ -31,8 +39,11 @@ struct Edge {
     output: Option<usize>,
 }
 
+/// What feeds a node's ports, and its linked numbers.
+type Incoming = (Vec<Option<Edge>>, Vec<Option<Edge>>);
+
 pub(super) fn wire(graph: &Graph, drafts: Vec<Option<Draft>>, report: &mut Reporter) -> Wired {
-    let mut edges: Vec<(Vec<Option<Edge>>, Vec<Option<Edge>>)> = Vec::with_capacity(drafts.len());
+    let mut edges: Vec<Incoming> = Vec::with_capacity(drafts.len());
     for (index, draft) in drafts.iter().enumerate() {
         let mut resolve = |reference: &Reference| resolve(graph, index, reference, report);
         edges.push(match draft {
@@ -43,7 +54,7 @@ pub(super) fn wire(graph: &Graph, drafts: Vec<Option<Draft>>, report: &mut Repor
         });
     }
     let order = order(graph, &drafts, &edges, report);
-    let kinds = kinds(graph, &drafts, &edges, order.as_deref(), report);
+    let kinds = kinds(graph, &drafts, &edges, &order, report);
     let slots = drafts.iter().zip(&edges).map(|(draft, (ports, _))| {
         let references = draft.iter().flat_map(|draft| &draft.ports);
         (references.zip(ports))
@@ -61,19 +72,20 @@ pub(super) fn wire(graph: &Graph, drafts: Vec<Option<Draft>>, report: &mut Repor
 }
 
 fn resolve(graph: &Graph, index: usize, reference: &Reference, report: &mut Reporter) -> Option<Edge> {
-    let (id, output) = match reference.text.split_once('.') {
+    // A name with a dot is a fault of its own; it stands for the node all the same.
+    let whole = reference.text.as_str();
+    let (id, output) = match whole.split_once('.').filter(|_| !graph.index.contains_key(whole)) {
         Some((id, output)) => (id, Some(output)),
-        None => (reference.text.as_str(), None),
+        None => (whole, None),
     };
     let fault = |code, message| Fault::new(code, message).node(graph.nodes[index].id).parameter(&reference.param);
     let Some(&from) = graph.index.get(id) else {
-        let close = closest(id, graph.index.keys().copied().filter(|name| *name != graph.nodes[index].id));
-        let hint = match (close, reference.port.is_none() && id.parse::<f64>().is_ok()) {
-            (_, true) => Some("a number stands without quotes".to_owned()),
-            (Some(name), _) => Some(format!("did you mean `{name}`?")),
-            _ => None,
+        let is_number = reference.port.is_none() && whole.parse::<f64>().is_ok();
+        let (name, hint) = match is_number {
+            true => (whole, Some("a number stands without quotes".to_owned())),
+            false => (id, graph.suggestion(id, index, report)),
         };
-        report.add(reference.at, fault(Code::UnknownNode, format!("there is no node `{id}`")).hint(hint));
+        report.add(reference.at, fault(Code::UnknownNode, format!("there is no node `{name}`")).hint(hint));
         return None;
     };
     let Some(node_type) = &graph.nodes[from].node_type else { return Some(Edge { from, output: None }) };
@@ -88,17 +100,18 @@ fn resolve(graph: &Graph, index: usize, reference: &Reference, report: &mut Repo
                 format!("`{id}` of type {} has no output `{name}`", node_type.name),
                 crate::diag::suggestion(name, names),
             ),
-            _ => (format!("`{id}` of type {} has no outputs: it only writes", node_type.name), None),
+            _ => (
+                format!("`{id}` of type {} has no outputs: it only writes", node_type.name),
+                Some(format!("connect what feeds `{id}`")),
+            ),
         };
         report.add(reference.at, fault(Code::UnknownOutput, message).hint(hint));
     }
     Some(Edge { from, output: found })
 }
 
-type Edges = [(Vec<Option<Edge>>, Vec<Option<Edge>>)];
-
-/// A topological order, or one fault per knot of cycles.
-fn order(graph: &Graph, drafts: &[Option<Draft>], edges: &Edges, report: &mut Reporter) -> Option<Vec<usize>> {
+/// A topological order, and one fault per knot of cycles.
+fn order(graph: &Graph, drafts: &[Option<Draft>], edges: &[Incoming], report: &mut Reporter) -> Vec<usize> {
     let mut net = DiGraph::<(), ()>::with_capacity(edges.len(), edges.len());
     (0..edges.len()).for_each(|_| {
         net.add_node(());
@@ -109,20 +122,25 @@ fn order(graph: &Graph, drafts: &[Option<Draft>], edges: &Edges, report: &mut Re
         }
     }
     if let Ok(order) = algo::toposort(&net, None) {
-        return Some(order.into_iter().map(NodeIndex::index).collect());
+        return order.into_iter().map(NodeIndex::index).collect();
     }
-    for knot in algo::kosaraju_scc(&net) {
+    let knots = algo::kosaraju_scc(&net);
+    for knot in &knots {
         let first = knot.iter().map(|node| node.index()).min().unwrap_or_default();
         let is_loop = knot.len() > 1 || net.contains_edge(knot[0], knot[0]);
         if let Some(draft) = drafts[first].as_ref().filter(|_| is_loop) {
             let cycle = cycle_through(&net, first);
             let names: Vec<String> = cycle.iter().map(|&node| format!("`{}`", graph.nodes[node].id)).collect();
             let message = format!("the nodes form a cycle: {} -> {}", names.join(" -> "), names[0]);
-            let hint = "every node must be fed by nodes that do not wait for it".to_owned();
+            let hint = match &names[..] {
+                [only] => format!("disconnect {only} from itself"),
+                [first, .., last] => format!("disconnect one of them from the next, for example {last} from {first}"),
+                [] => String::new(),
+            };
             report.add(draft.at, Fault::new(Code::Cycle, message).node(graph.nodes[first].id).hint(hint));
         }
     }
-    None
+    knots.into_iter().rev().flatten().map(NodeIndex::index).collect()
 }
 
 /// The shortest cycle through a node, along edges from it, by breadth-first search.
@@ -152,11 +170,10 @@ fn cycle_through(net: &DiGraph<(), ()>, start: usize) -> Vec<usize> {
 fn kinds(
     graph: &Graph,
     drafts: &[Option<Draft>],
-    edges: &Edges,
-    order: Option<&[usize]>,
+    edges: &[Incoming],
+    order: &[usize],
     report: &mut Reporter,
 ) -> Vec<Vec<Option<Kind>>> {
-    let all: Vec<usize> = (0..drafts.len()).collect();
     let mut kinds: Vec<Vec<Option<Kind>>> = (graph.nodes.iter())
         .map(|node| {
             let outputs = node.node_type.iter().flat_map(|node_type| node_type.outputs);
@@ -167,8 +184,8 @@ fn kinds(
             outputs.map(fixed).collect()
         })
         .collect();
-    // In a cycle the kinds that are not fixed stay unknown.
-    for &index in order.unwrap_or(&all) {
+    // In a cycle some kinds that are not fixed stay unknown.
+    for &index in order {
         let Some(draft) = &drafts[index] else { continue };
         let (ports, links) = &edges[index];
         for (number, output) in draft.node_type.outputs.iter().enumerate() {
@@ -202,6 +219,10 @@ fn check_kind(graph: &Graph, index: usize, reference: &Reference, kind: Kind, fr
     let outputs = graph.nodes[from].node_type.iter().flat_map(|node_type| node_type.outputs);
     let better = outputs.filter(|output| matches!(output.kind, OutputKind::Is(kind) if wanted.contains(&kind)));
     let hint = better.map(|output| format!("did you mean \"{}.{}\"?", graph.nodes[from].id, output.name)).next();
+    let hint = hint.or_else(|| graph.givers(wanted, index, report)).unwrap_or_else(|| {
+        let kinds: Vec<&str> = wanted.iter().map(|kind| kind.name()).collect();
+        format!("no node gives {} yet", kinds.join(" or "))
+    });
     let fault = Fault::new(Code::WrongKind, message).node(graph.nodes[index].id).parameter(&reference.param);
     report.add(reference.at, fault.hint(hint));
 }

@@ -1,0 +1,276 @@
+//! Good graphs made from the declarations of the node types, each piece of their text known by its role.
+
+use std::ops::Range;
+
+use warploom_core::node::OutputKind;
+use warploom_core::registry::{NodeType, Registry};
+use warploom_core::schema::{Access, Arity, Param, PortShape, Shape};
+use warploom_core::value::Kind;
+
+/// A generator that is the same everywhere (SplitMix64).
+pub struct Random(pub u64);
+
+impl Random {
+    pub fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        z ^ (z >> 31)
+    }
+
+    pub fn below(&mut self, bound: usize) -> usize {
+        (self.next() % bound as u64) as usize
+    }
+
+    pub fn pick<'a, T>(&mut self, items: &'a [T]) -> &'a T {
+        &items[self.below(items.len())]
+    }
+
+    fn between(&mut self, min: f64, max: f64) -> f64 {
+        min + (max - min) * (self.below(1001) as f64 / 1000.0)
+    }
+}
+
+/// What a piece of text is in its graph.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Role {
+    Type,
+    Parameter,
+    /// The id in a reference, and the kinds that its port takes.
+    Reference(Vec<Kind>),
+    Output,
+    Variant,
+    /// A number with its least and greatest value.
+    Number(Option<f64>, Option<f64>),
+    /// A comma between two parameters.
+    Comma,
+}
+
+/// A piece of the text.
+#[derive(Clone, Debug)]
+pub struct Piece {
+    pub role: Role,
+    pub span: Range<usize>,
+    pub node: usize,
+    pub param: String,
+}
+
+/// A node of a good graph; each comes after those that feed it, wherever it stands in the file.
+pub struct Made {
+    pub id: String,
+    pub of: String,
+    pub kinds: Vec<(&'static str, Kind)>,
+}
+
+/// A graph without faults.
+pub struct Good {
+    pub text: String,
+    pub pieces: Vec<Piece>,
+    pub made: Vec<Made>,
+}
+
+const WORDS: [&str; 32] = [
+    "plate", "matte", "parts", "lattice", "bend", "solver", "keep", "warped", "backdrop", "hero", "stripes", "edges",
+    "feather", "holdout", "logo", "corners", "wobble", "texture", "cleanup", "preview", "shadow", "window", "garment",
+    "outline", "fabric", "poster", "curtain", "ribbon", "marker", "banner", "canvas", "surface",
+];
+
+impl Good {
+    pub fn new(seed: u64, registry: &Registry) -> Self {
+        let mut random = Random(seed);
+        let types: Vec<&NodeType> = registry.iter().map(|node_type| &**node_type).collect();
+        let mut maker = Maker { text: String::new(), pieces: Vec::new(), made: Vec::new(), random: &mut random };
+        maker.nodes(&types);
+        let Maker { text: body, pieces, made, .. } = maker;
+        let mut order: Vec<usize> = (0..made.len()).collect();
+        (1..order.len()).rev().for_each(|at| order.swap(at, random.below(at + 1)));
+        let mut good = Self { text: "Graph(\n    version: 1,\n".into(), pieces: Vec::new(), made };
+        good.text += "    frames: \"1001-1012\",\n    nodes: {\n";
+        let lines: Vec<&str> = body.split_inclusive('\n').collect();
+        for node in order {
+            let from: usize = lines[..node].iter().map(|line| line.len()).sum();
+            let to = good.text.len();
+            let moved = |span: &Range<usize>| span.start - from + to..span.end - from + to;
+            let of_node = pieces.iter().filter(|piece| piece.node == node);
+            good.pieces.extend(of_node.map(|piece| Piece { span: moved(&piece.span), ..piece.clone() }));
+            good.text += lines[node];
+        }
+        good.text += "    },\n)\n";
+        good
+    }
+
+    pub fn said(&self, piece: &Piece) -> &str {
+        &self.text[piece.span.clone()]
+    }
+}
+
+/// Writes the nodes, one a line.
+struct Maker<'a> {
+    text: String,
+    pieces: Vec<Piece>,
+    made: Vec<Made>,
+    random: &'a mut Random,
+}
+
+impl Maker<'_> {
+    fn nodes(&mut self, types: &[&NodeType]) {
+        let count = 4 + self.random.below(13);
+        while self.made.len() < count {
+            let possible: Vec<&&NodeType> = types.iter().filter(|t| !t.sink && self.can_feed(t)).collect();
+            let unused: Vec<&&NodeType> =
+                possible.iter().copied().filter(|t| self.made.iter().all(|made| made.of != t.name)).collect();
+            let choice = if unused.is_empty() || self.random.below(4) == 0 { possible } else { unused };
+            // Of two the one with more ports: what needs much would come up rarely.
+            let (one, other) = (*self.random.pick(&choice), *self.random.pick(&choice));
+            self.node(if one.ports().count() > other.ports().count() { one } else { other });
+        }
+        let sinks: Vec<&&NodeType> = types.iter().filter(|t| t.sink && self.can_feed(t)).collect();
+        if sinks.is_empty() {
+            let card = types.iter().find(|t| t.name == "Constant").expect("a card");
+            self.node(card);
+        }
+        let sinks: Vec<&&NodeType> = types.iter().filter(|t| t.sink).collect();
+        for _ in 0..1 + self.random.below(2) {
+            let sink = **self.random.pick(&sinks);
+            self.node(sink);
+        }
+    }
+
+    fn can_feed(&self, node_type: &NodeType) -> bool {
+        node_type.ports().all(|(_, port)| port.arity == Arity::Optional || !self.givers(&port.kinds).is_empty())
+    }
+
+    /// Node, and output with its number, of all outputs of some kinds.
+    fn givers(&self, kinds: &[Kind]) -> Vec<(usize, usize)> {
+        let outputs = self.made.iter().enumerate().flat_map(|(node, made)| {
+            made.kinds.iter().enumerate().map(move |(output, (_, kind))| (node, output, *kind))
+        });
+        outputs.filter(|(_, _, kind)| kinds.contains(kind)).map(|(node, output, _)| (node, output)).collect()
+    }
+
+    fn node(&mut self, node_type: &NodeType) {
+        let number = self.made.len();
+        let word = WORDS[(self.random.below(8) + number * 5) % WORDS.len()];
+        let taken = self.made.iter().any(|made| made.id == word);
+        let id = if taken { format!("{word}_{number}") } else { word.to_owned() };
+        self.text += &format!("        \"{id}\": ");
+        self.piece(Role::Type, "", &node_type.name);
+        self.text.push('(');
+        let mut fed = Vec::new();
+        let mut first = true;
+        for param in &node_type.params {
+            if !param.required && self.random.below(2) == 0 {
+                continue;
+            }
+            if !std::mem::take(&mut first) {
+                self.piece(Role::Comma, &param.name, ",");
+                self.text.push(' ');
+            }
+            self.piece(Role::Parameter, &param.name, &param.name);
+            self.text += ": ";
+            self.value(&id, param, &param.shape, &mut fed);
+        }
+        self.text += "),\n";
+        let kinds = node_type.outputs.iter().map(|output| match output.kind {
+            OutputKind::Is(kind) => (output.name, kind),
+            OutputKind::SameAs(port) => {
+                let kind = fed.iter().find(|(name, _)| name == port).map(|(_, kind)| *kind);
+                (output.name, kind.expect("the port is required"))
+            }
+        });
+        let kinds = kinds.collect();
+        self.made.push(Made { id, of: node_type.name.clone(), kinds });
+    }
+
+    fn piece(&mut self, role: Role, param: &str, text: &str) {
+        let start = self.text.len();
+        self.text += text;
+        let node = self.made.len();
+        self.pieces.push(Piece { role, span: start..self.text.len(), node, param: param.to_owned() });
+    }
+
+    fn value(&mut self, id: &str, param: &Param, shape: &Shape, fed: &mut Vec<(String, Kind)>) {
+        match shape {
+            Shape::Port(port) if port.arity == Arity::List => {
+                self.text.push('[');
+                for at in 0..1 + self.random.below(3) {
+                    self.text += if at > 0 { ", " } else { "" };
+                    self.reference(param, port.kinds.clone(), fed);
+                }
+                self.text.push(']');
+            }
+            Shape::Port(PortShape { kinds, .. }) => self.reference(param, kinds.clone(), fed),
+            Shape::Number(range) => {
+                let (min, max) = (range.min.unwrap_or(-100.0), range.max.unwrap_or(100.0).min(9999.0));
+                let min = if range.above_min { min + 0.01 } else { min };
+                let number = self.random.between(min, max);
+                match self.random.below(8) {
+                    0 => {
+                        let other = self.random.between(min, max);
+                        self.text += &format!("Keys([(1001, {number:?}), (1012, {other:?})])");
+                    }
+                    1 if !self.givers(&[Kind::Number]).is_empty() => self.reference(param, vec![Kind::Number], fed),
+                    _ => self.piece(Role::Number(range.min, range.max), &param.name, &format!("{number:?}")),
+                }
+            }
+            Shape::Integer { range, .. } => {
+                let limits = [range.min, range.max].map(|limit| Some(limit as f64).filter(|l| l.abs() < 1e9));
+                let number = range.min.max(0) + self.random.below(64) as i128;
+                let role = Role::Number(limits[0], limits[1]);
+                self.piece(role, &param.name, &number.min(range.max).to_string());
+            }
+            Shape::Bool => self.text += *self.random.pick(&["true", "false"]),
+            Shape::Text(None) => self.text += *self.random.pick(&["\"A\"", "\"luma\"", "r#\"über\"#"]),
+            Shape::Text(Some(Access::Read)) => self.text += "\"plates/sh010.####.exr\"",
+            Shape::Text(Some(Access::Write)) => self.text += &format!("\"out/{id}.####.exr\""),
+            Shape::Choice(variants) => {
+                let plain: Vec<&str> =
+                    variants.iter().filter(|v| v.content.is_none()).map(|v| v.name.as_str()).collect();
+                let name = *self.random.pick(&plain);
+                self.piece(Role::Variant, &param.name, name);
+            }
+            Shape::Tuple(items) => {
+                self.text.push('(');
+                for (at, item) in items.iter().enumerate() {
+                    self.text += if at > 0 { ", " } else { "" };
+                    self.value(id, param, item, fed);
+                }
+                self.text.push(')');
+            }
+            Shape::List(item) => {
+                self.text.push('[');
+                for at in 0..1 + self.random.below(3) {
+                    self.text += if at > 0 { ", " } else { "" };
+                    self.value(id, param, item, fed);
+                }
+                self.text.push(']');
+            }
+            Shape::Optional(inner) => match self.random.below(4) {
+                0 => self.text += "None",
+                1 => {
+                    self.text += "Some(";
+                    self.value(id, param, inner, fed);
+                    self.text.push(')');
+                }
+                _ => self.value(id, param, inner, fed),
+            },
+            Shape::Struct(_) => self.text += "()",
+        }
+    }
+
+    fn reference(&mut self, param: &Param, kinds: Vec<Kind>, fed: &mut Vec<(String, Kind)>) {
+        let givers = self.givers(&kinds);
+        let &(node, output) = self.random.pick(&givers);
+        let (name, kind) = self.made[node].kinds[output];
+        let id = self.made[node].id.clone();
+        self.text.push('"');
+        self.piece(Role::Reference(kinds), &param.name, &id);
+        if output > 0 || self.random.below(4) == 0 {
+            self.text.push('.');
+            self.piece(Role::Output, &param.name, name);
+        }
+        self.text.push('"');
+        fed.push((param.name.clone(), kind));
+    }
+}
