@@ -79,8 +79,6 @@ codes! {
     MissingPlugin = "missing_plugin", exit 5;
     /// No target reaches the node.
     Unreached = "unreached", exit 0;
-    /// Several labels met in one cell, a value was cut: worth knowing, not wrong.
-    Notice = "notice", exit 0;
     /// A file is missing or cannot be read.
     InputUnreadable = "input_unreadable", exit 3;
     /// A file is of a sort that is not supported.
@@ -135,6 +133,14 @@ pub struct Place {
     pub text: String,
 }
 
+impl Place {
+    /// The file's absolute path; a flag stays as it is.
+    fn absolute(&self) -> PathBuf {
+        let is_flag = self.file.to_string_lossy().starts_with("--");
+        std::path::absolute(&self.file).ok().filter(|_| !is_flag).unwrap_or_else(|| self.file.clone())
+    }
+}
+
 impl fmt::Display for Place {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}:{}:{}", self.file.display(), self.line, self.column)
@@ -164,7 +170,7 @@ pub struct Fault {
 fn place_or_nulls<S: serde::Serializer>(place: &Option<Place>, serializer: S) -> Result<S::Ok, S::Error> {
     use serde::ser::SerializeMap;
     let mut map = serializer.serialize_map(Some(3))?;
-    map.serialize_entry("file", &place.as_ref().map(|place| &place.file))?;
+    map.serialize_entry("file", &place.as_ref().map(|place| place.absolute()))?;
     map.serialize_entry("line", &place.as_ref().map(|place| place.line))?;
     map.serialize_entry("column", &place.as_ref().map(|place| place.column))?;
     map.end()

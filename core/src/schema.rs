@@ -21,6 +21,8 @@ pub struct Param {
     pub required: bool,
     /// The unit of its numbers.
     pub unit: Option<String>,
+    /// Extensions that a path may have, in lower case; none means any.
+    pub extensions: Vec<String>,
 }
 
 /// What a parameter takes.
@@ -160,6 +162,9 @@ pub fn params(schema: &Json, defaults: &Json) -> Result<Vec<Param>, String> {
         .iter()
         .map(|(name, property)| {
             let shape = shape(property).map_err(|message| format!("{name}: {message}"))?;
+            if !matches!(shape, Shape::Text(_)) && property.to_string().contains("\"x-path\"") {
+                return Err(format!("{name}: a path stands for itself, not within another parameter"));
+            }
             let required = match &shape {
                 Shape::Port(port) => port.arity != Arity::Optional,
                 _ => property.get("x-required") == Some(&Json::Bool(true)),
@@ -170,10 +175,16 @@ pub fn params(schema: &Json, defaults: &Json) -> Result<Vec<Param>, String> {
                 default: defaults.get(name).cloned().unwrap_or(Json::Null),
                 required,
                 unit: property.get("x-unit").and_then(Json::as_str).map(str::to_owned),
+                extensions: strings(property, "x-extensions"),
                 shape,
             })
         })
         .collect()
+}
+
+fn strings(schema: &Json, key: &str) -> Vec<String> {
+    let items = schema.get(key).and_then(Json::as_array).into_iter().flatten();
+    items.filter_map(|item| Some(item.as_str()?.to_owned())).collect()
 }
 
 fn text(schema: &Json, key: &str) -> String {

@@ -23,7 +23,8 @@ fn a_fault_is_a_flat_object() {
     let range = checked.faults.iter().find(|fault| fault.code == Code::OutOfRange).expect("the angle");
     let json = serde_json::to_value(range).expect("a fault is JSON");
     let expected = serde_json::json!({
-        "code": "out_of_range", "node": "é\u{1}", "parameter": "angle", "frame": null, "file": "graph.ron", "line": 2,
+        "code": "out_of_range", "node": "é\u{1}", "parameter": "angle", "frame": null, "line": 2,
+        "file": std::path::absolute("graph.ron").expect("a working folder"),
         "column": 20, "message": "`angle` is 400 deg; it must be a number from -360 to 360 deg",
         "hint": "the nearest allowed is 360",
     });

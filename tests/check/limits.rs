@@ -76,7 +76,7 @@ fn a_cycle_of_any_length_is_printed_whole() {
     let count = 30_000;
     let node = |number: usize| format!("\"n{number}\": FrameHold(input: \"n{}\"),\n", (number + count - 1) % count);
     let text = graph(
-        &((0..count).map(node).collect::<String>() + "\"c\": Constant(), \"o\": Save(image: \"c\", path: \"o\")"),
+        &((0..count).map(node).collect::<String>() + "\"c\": Constant(), \"o\": Save(image: \"c\", path: \"o.exr\")"),
     );
     let checked = faults_of(&text);
     let (code, line, column, message) = one(&checked.faults);

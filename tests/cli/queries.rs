@@ -48,7 +48,7 @@ fn check_gives_faults_and_warnings_as_json() {
     assert_eq!(keys(fault), form);
     assert_eq!(
         json!([fault["code"], fault["parameter"], fault["frame"], fault["file"], fault["line"], fault["column"]]),
-        json!(["unknown_parameter", "cel", null, "bad.ron", 4, 14])
+        json!(["unknown_parameter", "cel", null, desk.path("bad.ron"), 4, 14])
     );
     assert!(text(&fault["hint"]).contains("`cell`"), "{fault}");
 

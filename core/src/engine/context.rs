@@ -21,8 +21,10 @@ pub struct Artifact {
 
 /// Whether to go on, and who wants to know how far it is.
 pub(crate) trait Control: Sync {
-    /// The part done, 0..=1; false means stop.
-    fn progress(&self, part: f64) -> bool;
+    /// The part done, 0..=1.
+    fn progress(&self, part: f64);
+    /// Whether the run is stopped.
+    fn is_stopped(&self) -> bool;
 }
 
 /// What a node sees while it computes: its inputs, its files, its budget; and how it is told to stop.
@@ -64,10 +66,17 @@ impl Context<'_> {
         self.request.at(self.frame)
     }
 
-    /// Zeros to draw on; refused if this node's allocations pass the memory budget.
+    /// Zeros to draw on; refused if this node's allocations pass the memory budget, or if the run is stopped.
     pub fn plane<T: Sample>(&self, width: usize, height: usize) -> Result<BufferMut<T>, NodeError> {
-        self.reserve(BufferMut::<T>::bytes_for(width, height))?;
-        Ok(BufferMut::zeroed(width, height))
+        let mut planes = self.planes(1, width, height)?;
+        Ok(planes.remove(0))
+    }
+
+    /// Several planes of zeros, refused before the first is made if not all have room.
+    pub fn planes<T: Sample>(&self, count: usize, width: usize, height: usize) -> Result<Vec<BufferMut<T>>, NodeError> {
+        self.go_on()?;
+        self.reserve(count as u128 * BufferMut::<T>::bytes_for(width, height))?;
+        Ok((0..count).map(|_| BufferMut::zeroed(width, height)).collect())
     }
 
     /// Counts `bytes` that the node is about to allocate against the memory budget.
@@ -110,9 +119,16 @@ impl Context<'_> {
 
     /// Says how far the node is, 0..=1. An error means stop; pass it on.
     pub fn progress(&self, part: f64) -> Result<(), NodeError> {
-        match self.control.progress(part) {
-            true => Ok(()),
-            false => Err(NodeError::new(ErrorClass::Cancelled, "stopped")),
+        self.go_on()?;
+        self.control.progress(part);
+        Ok(())
+    }
+
+    /// An error means stop; pass it on.
+    pub fn go_on(&self) -> Result<(), NodeError> {
+        match self.control.is_stopped() {
+            true => Err(NodeError::new(ErrorClass::Cancelled, "stopped")),
+            false => Ok(()),
         }
     }
 }

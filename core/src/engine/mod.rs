@@ -255,8 +255,12 @@ impl Engine {
         }
         let frames_delivered = shared.pairs.frames.iter().filter(|(_, targets)| state.has_delivered(targets)).count();
         let mut faults = std::mem::take(&mut state.faults);
-        let order = |frame: Option<i64>| plan.frames.iter().position(|&f| Some(f) == frame);
-        faults.sort_by_key(|fault| order(fault.frame));
+        // In frame order, then in graph order, whichever was met first.
+        let place = |fault: &Fault| {
+            let frame = plan.frames.iter().position(|&frame| Some(frame) == fault.frame);
+            (frame, fault.node.as_ref().and_then(|id| plan.order.iter().position(|&node| *plan.nodes[node].id == **id)))
+        };
+        faults.sort_by_cached_key(place);
         Report {
             schema: 1,
             graph: plan.graph.clone(),

@@ -294,12 +294,12 @@ struct PairControl<'a> {
 }
 
 impl Control for PairControl<'_> {
-    fn progress(&self, part: f64) -> bool {
-        if self.worker.job.cancel.is_cancelled() {
-            return false;
-        }
+    fn progress(&self, part: f64) {
         let frame = self.worker.shared.pairs.list[self.at].request.frame;
         self.worker.job.observer.event(Event::Progress { node: &self.worker.node(self.at).id, frame, part });
-        true
+    }
+
+    fn is_stopped(&self) -> bool {
+        self.worker.job.cancel.is_cancelled()
     }
 }

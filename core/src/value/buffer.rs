@@ -112,12 +112,13 @@ impl<T: Sample> Buffer<T> {
         // Not inside `get_or_init`: the thread pool may have this thread ask for the same digest meanwhile.
         let digest = {
             let rows_per_band = (BAND_BYTES / (self.width.max(1) * size_of::<T>())).max(1);
-            let bands: Vec<Digest> = (0..self.height.div_ceil(rows_per_band))
+            let rows = if self.width == 0 { 0 } else { self.height };
+            let bands: Vec<Digest> = (0..rows.div_ceil(rows_per_band))
                 .into_par_iter()
                 .map(|band| {
                     let top = band * rows_per_band;
                     let mut hasher = blake3::Hasher::new();
-                    for y in top..(top + rows_per_band).min(self.height) {
+                    for y in top..(top + rows_per_band).min(rows) {
                         hasher.update(bytemuck::cast_slice(self.row(y)));
                     }
                     Digest(*hasher.finalize().as_bytes())

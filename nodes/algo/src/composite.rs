@@ -235,7 +235,7 @@ mod tests {
         let (front, back) = (samples(&front, 2, 1, 0), samples(&back, 4, 0, 0));
         assert_eq!(run(front, opaque, back), [1.0, 0.5, 0.75, 4.0, 0.0]);
         assert_eq!(run(Plane::Zero, opaque, back), [1.0, 0.0, 0.0, 4.0, 0.0], "a missing plane hides the back");
-        assert_eq!(run(front, opaque, Plane::from(None)), [0.0, 0.5, 0.75, 0.0, 0.0]);
+        assert_eq!(run(front, opaque, Plane::Zero), [0.0, 0.5, 0.75, 0.0, 0.0]);
         assert_eq!(run(front, Plane::Zero, back), [1.0, 2.5, 3.75, 4.0, 0.0], "without alpha light adds up");
         // The alpha plane itself.
         let behind = Plane::Opaque { x0: 2, y0: 0, width: 3, height: 1 };

@@ -15,11 +15,11 @@ use warploom_core::value::{Channel, Image, Plane, Rect, SampleType};
 /// A picture with channels R, G, B, A at the origin; `draw` fills one channel's plane.
 fn rgba(cx: &Context, size: [u32; 2], draw: impl Fn(usize, ViewMut<f32>)) -> Result<Image, NodeError> {
     let (width, height) = (size[0] as usize, size[1] as usize);
-    let mut channels = Vec::with_capacity(4);
-    for (index, name) in ["R", "G", "B", "A"].into_iter().enumerate() {
-        let mut plane = cx.plane(width, height)?;
+    let planes = cx.planes(4, width, height)?.into_iter().zip(["R", "G", "B", "A"]).enumerate();
+    let drawn = planes.map(|(index, (mut plane, name))| {
         draw(index, crate::adapt::view_mut(&mut plane));
-        channels.push(Channel { name: name.into(), sample_type: SampleType::Float, plane: Plane::F32(plane.freeze()) });
-    }
+        Channel { name: name.into(), sample_type: SampleType::Float, plane: Plane::F32(plane.freeze()) }
+    });
+    let channels = drawn.collect();
     Ok(Image::new(Rect::at(0, 0, width, height), channels))
 }

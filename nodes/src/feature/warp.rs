@@ -34,6 +34,9 @@ pub enum Mode {
     Rigid,
 }
 
+/// Positions, fluxes, right-hand sides and residuals, bytes per lattice node.
+const BYTES_PER_NODE: u128 = 200;
+
 impl Node for FeatureWarp {
     const VERSION: u32 = 1;
     const OUTPUTS: &'static [Output] = &[Output::new("warp", Kind::Warp)];
@@ -56,6 +59,7 @@ impl Node for FeatureWarp {
             Mode::Similarity => feature::Mode::Similarity,
             Mode::Rigid => feature::Mode::Rigid,
         };
+        cx.reserve(warp.grid.node_count() as u128 * BYTES_PER_NODE)?;
         let start = Instant::now();
         let input = positions(&warp);
         let rhs = feature::rhs(solver, &input, mode).map_err(super::refusal)?;
@@ -64,12 +68,16 @@ impl Node for FeatureWarp {
         let seconds = start.elapsed();
         let components: Vec<_> = (solved.features.iter())
             .map(|fit| {
-                json!({
+                let mut row = json!({
                     "label": fit.label,
                     "deviation_cells": fit.deviation_cells,
                     "scale": fit.scale,
                     "rotation_deg": fit.rotation_deg,
-                })
+                });
+                if fit.mirrored {
+                    row["mirrored"] = true.into();
+                }
+                row
             })
             .collect();
         Ok(crate::warp::certified(&warp.grid, solved.positions)

@@ -7,8 +7,8 @@ use warploom_core::value::{Image, Layer};
 
 /// How far two pictures differ: the absolute difference of each channel.
 ///
-/// Format and metadata are the first one's; the data window holds both, and what a picture lacks is 0. Channels of
-/// identities are left out.
+/// Format and metadata are the first one's, and so are channels of identities; of each, the first layer is compared.
+/// The data window holds both, and what a picture lacks is 0.
 #[derive(Serialize, Deserialize, JsonSchema, SmartDefault)]
 #[serde(default, deny_unknown_fields)]
 pub struct Difference {
@@ -26,10 +26,16 @@ impl Node for Difference {
         let (a, b) = (cx.get(&self.a), cx.get(&self.b));
         let (first, second) = (a.primary(), b.primary());
         let data = first.data.union(&second.data);
-        let channels = super::combined(cx, &[first, second], &data, |name, out| {
-            let (x0, y0) = (data.x0.into(), data.y0.into());
-            composite::difference(super::placement(first, name), super::placement(second, name), x0, y0, out);
-        })?;
+        let channels = super::combined(
+            cx,
+            &[first, second],
+            &data,
+            |_| true,
+            |name, out| {
+                let (x0, y0) = (data.x0.into(), data.y0.into());
+                composite::difference(super::placement(first, name), super::placement(second, name), x0, y0, out);
+            },
+        )?;
         let layer = Layer { data, channels, ..first.clone() };
         Ok(Image { layers: vec![layer], ..(*a).clone() }.into())
     }

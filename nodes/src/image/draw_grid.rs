@@ -51,17 +51,24 @@ impl Node for DrawGrid {
         let [r, g, b, a] = self.color;
         let luma = 0.2126 * r + 0.7152 * g + 0.0722 * b;
         let alpha = tinted(a)?;
-        let paints =
-            [("R", tinted(r)?), ("G", tinted(g)?), ("B", tinted(b)?), ("Y", tinted(luma)?), ("A", alpha.clone())];
-        let channels = super::combined(cx, &[layer], &data, |name, out| {
-            let front = paints.iter().find(|(channel, _)| *channel == name);
-            let placed = |plane| Placement::Samples(Placed { view: view(plane), x0, y0 });
-            let (front, alpha) = match front {
-                Some((_, plane)) => (placed(plane), placed(&alpha)),
-                None => (Placement::Zero, Placement::Zero),
-            };
-            composite::over(front, alpha, super::placement(layer, name), x0, y0, out);
-        })?;
+        let mut paints = Vec::new();
+        for (name, value) in [("R", r), ("G", g), ("B", b), ("Y", luma), ("A", a)] {
+            if layer.channel(name).is_some() {
+                paints.push((name, tinted(value)?));
+            }
+        }
+        let paint = |name: &str| paints.iter().find(|(painted, _)| *painted == name).map(|(_, plane)| plane);
+        let placed = |plane| Placement::Samples(Placed { view: view(plane), x0, y0 });
+        let channels = super::combined(
+            cx,
+            &[layer],
+            &data,
+            |name| paint(name).is_some(),
+            |name, out| {
+                let front = paint(name).map_or(Placement::Zero, placed);
+                composite::over(front, placed(&alpha), super::placement(layer, name), x0, y0, out);
+            },
+        )?;
         let mut layers = image.layers.clone();
         layers[0] = Layer { data, channels, ..layer.clone() };
         Ok(Image { layers, ..(*image).clone() }.into())

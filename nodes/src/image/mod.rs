@@ -10,11 +10,12 @@ pub use draw_grid::DrawGrid;
 pub use over::Over;
 pub use resample::Resample;
 
-use warploom_algo::composite::{Placed, Plane as Placement};
+use warploom_algo::composite::{self, Placed, Plane as Placement};
+use warploom_algo::view::ViewMut;
 use warploom_core::node::{Context, NodeError, Output};
-use warploom_core::value::{Channel, Kind, Layer, Plane, Rect};
+use warploom_core::value::{Buffer, Channel, Kind, Layer, Plane, Rect, Sample};
 
-use crate::adapt::view;
+use crate::adapt::{view, view_mut};
 
 const IMAGE: &[Output] = &[Output::new("image", Kind::Image)];
 
@@ -41,23 +42,43 @@ fn alpha(layer: &Layer) -> Placement<'_> {
     }
 }
 
-/// The channels of numbers that any of the layers has, in the order in which they come up, each drawn by `draw` in
-/// `window`.
+/// The channels that the layers have, in the order in which they come up, in `window`. Those of numbers that it
+/// `touches` are drawn by `draw`; others, and identities, which are never mixed, are the first layer's that has them.
 fn combined(
     cx: &Context,
     layers: &[&Layer],
     window: &Rect,
-    draw: impl Fn(&str, warploom_algo::view::ViewMut<f32>),
+    touches: impl Fn(&str) -> bool,
+    draw: impl Fn(&str, ViewMut<f32>),
 ) -> Result<Vec<Channel>, NodeError> {
     let mut channels: Vec<Channel> = Vec::new();
-    for channel in layers.iter().flat_map(|layer| &layer.channels) {
-        let known = channels.iter().any(|known| known.name == channel.name);
-        if known || matches!(channel.plane, Plane::U32(_)) {
-            continue;
+    for layer in layers {
+        for channel in &layer.channels {
+            if channels.iter().any(|known| known.name == channel.name) {
+                continue;
+            }
+            let plane = match &channel.plane {
+                Plane::U32(plane) => Plane::U32(moved(cx, plane, &layer.data, window)?),
+                Plane::F32(plane) if !touches(&channel.name) => Plane::F32(moved(cx, plane, &layer.data, window)?),
+                Plane::F32(_) => {
+                    let mut plane = cx.plane(window.width(), window.height())?;
+                    draw(&channel.name, view_mut(&mut plane));
+                    Plane::F32(plane.freeze())
+                }
+            };
+            channels.push(Channel { plane, ..channel.clone() });
         }
-        let mut plane = cx.plane(window.width(), window.height())?;
-        draw(&channel.name, crate::adapt::view_mut(&mut plane));
-        channels.push(Channel { plane: Plane::F32(plane.freeze()), ..channel.clone() });
     }
     Ok(channels)
+}
+
+/// Samples in another window: shared if it is the same, else copied, with zeros where there are none.
+fn moved<T: Sample>(cx: &Context, plane: &Buffer<T>, from: &Rect, to: &Rect) -> Result<Buffer<T>, NodeError> {
+    if from == to {
+        return Ok(plane.clone());
+    }
+    let mut copy = cx.plane(to.width(), to.height())?;
+    let source = Placed { view: view(plane), x0: from.x0.into(), y0: from.y0.into() };
+    composite::copy(source, to.x0.into(), to.y0.into(), view_mut(&mut copy));
+    Ok(copy.freeze())
 }

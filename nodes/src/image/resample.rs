@@ -126,7 +126,7 @@ impl Drawing<'_> {
     }
 
     /// Display and data window of what is drawn from `windows`.
-    fn windows(&self, windows: &Windows) -> Windows {
+    fn windows(&self, windows: &Windows) -> Result<Windows, NodeError> {
         let display = windows.display;
         let display = self.node.size.map_or(display, |[w, h]| Rect::at(display.x0, display.y0, w as usize, h as usize));
         // Without the filter's reach: the identity keeps the window.
@@ -136,24 +136,24 @@ impl Drawing<'_> {
         let nothing = Rect::at(display.x0, display.y0, 0, 0);
         let bounds = bounds.map(|bounds| if bounds.is_empty() { nothing } else { bounds });
         let endless = self.node.edge != Edge::Transparent;
-        match bounds {
+        Ok(match bounds {
+            Some(bounds) if self.node.fit && bounds.is_empty() && !windows.data.is_empty() => {
+                let message = format!("nothing to fit to: no pixel within {FAR} px of the origin is covered");
+                return Err(NodeError::refused(message).at("fit").hint("look at the warp, or give a size"));
+            }
             Some(bounds) if self.node.fit => Windows { display: bounds, data: bounds, ..*windows },
             Some(bounds) if !endless => Windows { display, data: bounds, ..*windows },
             _ => Windows { display, data: display, ..*windows },
-        }
+        })
     }
 
     fn draw(&self, from: &Rect, to: &Rect, planes: &[&Buffer<f32>]) -> Result<Vec<BufferMut<f32>>, NodeError> {
-        // Without planes there is nothing to draw, but every pixel would be located.
-        if planes.is_empty() {
-            return Ok(Vec::new());
-        }
         let filter = match self.node.filter {
             Filter::Nearest => Kernel::Nearest,
             Filter::Linear => Kernel::Linear,
             Filter::Cubic => Kernel::Cubic,
         };
-        let mut out = self.planes(to, planes.len())?;
+        let mut out = self.cx.planes(planes.len(), to.width(), to.height())?;
         let (views, outs) = (planes.iter().map(|plane| view(plane)).collect::<Vec<_>>(), views_mut(&mut out));
         let watch = watch(self.cx);
         resample::draw(&self.map(), window(from), window(to), filter, self.border(), &views, outs, &watch)
@@ -162,19 +162,12 @@ impl Drawing<'_> {
     }
 
     fn draw_labels(&self, from: &Rect, to: &Rect, planes: &[&Buffer<u32>]) -> Result<Vec<BufferMut<u32>>, NodeError> {
-        if planes.is_empty() {
-            return Ok(Vec::new());
-        }
-        let mut out = self.planes(to, planes.len())?;
+        let mut out = self.cx.planes(planes.len(), to.width(), to.height())?;
         let (views, outs) = (planes.iter().map(|plane| view(plane)).collect::<Vec<_>>(), views_mut(&mut out));
         let watch = watch(self.cx);
         resample::draw_labels(&self.map(), window(from), window(to), self.border(), &views, outs, &watch)
             .map_err(stopped)?;
         Ok(out)
-    }
-
-    fn planes<T: Sample>(&self, window: &Rect, count: usize) -> Result<Vec<BufferMut<T>>, NodeError> {
-        (0..count).map(|_| self.cx.plane(window.width(), window.height())).collect()
     }
 
     fn border(&self) -> Border {
@@ -187,14 +180,14 @@ impl Drawing<'_> {
     }
 
     fn raster(&self, raster: &Raster<f32>) -> Result<Drawn<f32>, NodeError> {
-        let windows = self.windows(&raster.windows);
+        let windows = self.windows(&raster.windows)?;
         let drawn = self.draw(&raster.windows.data, &windows.data, &[&raster.samples])?;
         let samples = drawn.into_iter().next().expect("one plane gives one");
         Ok(Drawn { windows, samples })
     }
 
     fn labels(&self, labels: &Labels) -> Result<Labels, NodeError> {
-        let windows = self.windows(&labels.raster.windows);
+        let windows = self.windows(&labels.raster.windows)?;
         let drawn = self.draw_labels(&labels.raster.windows.data, &windows.data, &[&labels.raster.samples])?;
         let samples = drawn.into_iter().next().expect("one plane gives one").freeze();
         let found = components::tabulate(view(&samples), windows.data.x0.into(), windows.data.y0.into());
@@ -203,13 +196,13 @@ impl Drawing<'_> {
     }
 
     fn image(&self, image: &Image) -> Result<Image, NodeError> {
-        let display = self.windows(&image.windows()).display;
+        let display = self.windows(&image.windows())?.display;
         let layers = image.layers.iter().map(|layer| self.layer(image, layer)).collect::<Result<_, _>>()?;
         Ok(Image { display, layers, ..image.clone() })
     }
 
     fn layer(&self, image: &Image, layer: &Layer) -> Result<Layer, NodeError> {
-        let data = self.windows(&Windows { data: layer.data, ..image.windows() }).data;
+        let data = self.windows(&Windows { data: layer.data, ..image.windows() })?.data;
         let numbers: Vec<&Buffer<f32>> = (layer.channels.iter())
             .filter_map(|channel| if let Plane::F32(plane) = &channel.plane { Some(plane) } else { None })
             .collect();

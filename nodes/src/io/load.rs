@@ -27,7 +27,8 @@ impl Node for Load {
 
     fn compute(&self, cx: &Context) -> Result<Outputs, NodeError> {
         let bytes = cx.read(&self.path)?;
-        let image = codec::decode(&bytes, self.encoding, &|bytes| cx.reserve(bytes)).map_err(|error| {
+        let reserve = |bytes| cx.go_on().and_then(|()| cx.reserve(bytes));
+        let image = codec::decode(&bytes, self.encoding, &reserve).map_err(|error| {
             let message = format!("{}: {}", self.path.path().display(), error.message);
             NodeError { message, ..error }.at("path")
         })?;

@@ -18,6 +18,7 @@ pub struct Save {
     /// The picture.
     pub image: In<Image>,
     /// The file; `####` stands for the frame.
+    #[schemars(extend("x-extensions" = codec::EXTENSIONS))]
     pub path: WritePath,
     /// How colour is stored. In an EXR it applies to `R`, `G`, `B` and `Y` of the first layer.
     pub encoding: Encoding,
@@ -43,7 +44,8 @@ impl Node for Save {
         let options = WriteOptions { encoding, depth, compression, quality };
         let extension = self.path.path().extension().unwrap_or_default().to_string_lossy();
         let image = cx.get(&self.image);
-        let bytes = codec::encode_image(&image, &extension, &options, &|bytes| cx.reserve(bytes))?;
+        let reserve = |bytes| cx.go_on().and_then(|()| cx.reserve(bytes));
+        let bytes = codec::encode_image(&image, &extension, &options, &reserve)?;
         cx.write(&self.path, &bytes)?;
         Ok(Outputs::default())
     }

@@ -5,8 +5,6 @@ use warploom_algo::warp;
 use warploom_core::node::{Context, In, Node, NodeError, Output, Outputs};
 use warploom_core::value::Grid;
 
-use crate::adapt::lattice;
-
 /// Scales, shears and rotates about a centre, then moves.
 #[derive(Serialize, Deserialize, JsonSchema, SmartDefault)]
 #[serde(default, deny_unknown_fields)]
@@ -35,7 +33,7 @@ impl Node for Affine {
 
     fn compute(&self, cx: &Context) -> Result<Outputs, NodeError> {
         let grid = cx.get(&self.grid);
-        let lattice = lattice(&grid);
+        let lattice = super::lattice(cx, &grid)?;
         let parameters = warp::Affine {
             translate: self.translate,
             rotate_deg: self.rotate,

@@ -5,8 +5,6 @@ use warploom_algo::warp;
 use warploom_core::node::{Context, In, Node, NodeError, Output, Outputs};
 use warploom_core::value::Grid;
 
-use crate::adapt::lattice;
-
 /// Bends the lattice along an arc, as type is set on one: the lower edge is the baseline and keeps its length.
 #[derive(Serialize, Deserialize, JsonSchema, SmartDefault)]
 #[serde(default, deny_unknown_fields)]
@@ -25,6 +23,6 @@ impl Node for Arc {
 
     fn compute(&self, cx: &Context) -> Result<Outputs, NodeError> {
         let grid = cx.get(&self.grid);
-        Ok(super::certified(&grid, warp::arc(&lattice(&grid), self.angle)))
+        Ok(super::certified(&grid, warp::arc(&super::lattice(cx, &grid)?, self.angle)))
     }
 }

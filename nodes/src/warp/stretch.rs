@@ -5,8 +5,6 @@ use warploom_algo::warp;
 use warploom_core::node::{Context, In, Node, NodeError, Output, Outputs};
 use warploom_core::value::Grid;
 
-use crate::adapt::lattice;
-
 /// Stretches along x and y about a centre.
 #[derive(Serialize, Deserialize, JsonSchema, SmartDefault)]
 #[serde(default, deny_unknown_fields)]
@@ -32,7 +30,7 @@ impl Node for Stretch {
 
     fn compute(&self, cx: &Context) -> Result<Outputs, NodeError> {
         let grid = cx.get(&self.grid);
-        let lattice = lattice(&grid);
+        let lattice = super::lattice(cx, &grid)?;
         let center = self.center.unwrap_or(lattice.center());
         Ok(super::certified(&grid, warp::stretch(&lattice, [self.x, self.y], center)))
     }

@@ -5,8 +5,6 @@ use warploom_algo::warp;
 use warploom_core::node::{Context, In, Node, NodeError, Output, Outputs};
 use warploom_core::value::Grid;
 
-use crate::adapt::lattice;
-
 /// Sways the lattice across a direction in a sine wave.
 #[derive(Serialize, Deserialize, JsonSchema, SmartDefault)]
 #[serde(default, deny_unknown_fields)]
@@ -35,7 +33,8 @@ impl Node for Wave {
 
     fn compute(&self, cx: &Context) -> Result<Outputs, NodeError> {
         let grid = cx.get(&self.grid);
-        let positions = warp::wave(&lattice(&grid), self.amplitude, self.wavelength, self.phase, self.direction);
+        let positions =
+            warp::wave(&super::lattice(cx, &grid)?, self.amplitude, self.wavelength, self.phase, self.direction);
         Ok(super::certified(&grid, positions))
     }
 }

@@ -326,6 +326,15 @@ impl Walk<'_> {
             self.fault(self.at(value), Code::OutOfRange, message, self.mend());
             return None;
         }
+        let extension = Path::new(&expanded).extension().unwrap_or_default().to_string_lossy().to_lowercase();
+        let allowed = self.draft.node_type.param(self.param).map_or(&[][..], |param| &param.extensions);
+        if !allowed.is_empty() && !allowed.contains(&extension) {
+            let allowed: Vec<String> = allowed.iter().map(|extension| format!(".{extension}")).collect();
+            let message = format!("`{}` is \"{expanded}\"; it must end in {}", self.param, allowed.join(", "));
+            let hint = suggestion(&format!(".{extension}"), allowed.iter().map(String::as_str));
+            self.fault(self.at(value), Code::OutOfRange, message, hint);
+            return None;
+        }
         self.draft.params.paths.push((self.param.to_owned(), access));
         if has_pattern(&expanded) {
             self.animated(self.at(value));

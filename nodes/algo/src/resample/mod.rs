@@ -72,7 +72,7 @@ pub enum Map<'a> {
 ///
 /// Returns how many pixels were drawn; the others are 0: those that no cell covers and, with
 /// [`Edge::Transparent`], those whose position lies outside the source window grown by the filter's reach (0, 1/2 or
-/// 3/2 px for nearest, linear and cubic). Nothing is drawn from an empty source window. On `Interrupted`, `out`
+/// 3/2 px for nearest, linear and cubic). Nothing is drawn from an empty source window, or without planes. On `Interrupted`, `out`
 /// is partly written.
 ///
 /// Cost: linear in the cells and in the destination's pixels times planes. Bands of 64 rows go side by side; the

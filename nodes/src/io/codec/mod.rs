@@ -18,7 +18,8 @@ use smart_default::SmartDefault;
 use warploom_core::node::{ErrorClass, NodeError};
 use warploom_core::value::{Channel, Image, Layer, Plane, SampleType, Value, Windows};
 
-/// Asked for so many bytes before they are allocated; an error refuses them.
+/// Asked for so many bytes before they are allocated; an error refuses them. Long work asks for 0 bytes now and then,
+/// so that it can be stopped.
 pub type Reserve<'a> = &'a dyn Fn(u128) -> Result<(), NodeError>;
 
 /// How colour is stored in a file. Alpha is linear in every encoding.
@@ -132,6 +133,7 @@ pub fn encode_image(
     reserve: Reserve,
 ) -> Result<Vec<u8>, NodeError> {
     let extension = extension.to_lowercase();
+    reserve(0)?;
     if extension == "exr" {
         return exr::write(&color::encode(image, options.encoding, reserve)?, options, reserve);
     }

@@ -100,6 +100,9 @@ pub fn write_jpeg(image: &Image, options: &WriteOptions, reserve: Reserve) -> Re
 }
 
 /// Writes a Radiance HDR; grey becomes three equal colours.
+/// Just below the largest number that RGBE holds.
+const HDR_MAX: f32 = 1.0e38;
+
 pub fn write_hdr(image: &Image, options: &WriteOptions, reserve: Reserve) -> Result<Vec<u8>, NodeError> {
     if !matches!(options.depth, Depth::Auto | Depth::Float) {
         return Err(no_such_depth(options.depth, "Radiance HDR", "Float"));
@@ -108,6 +111,10 @@ pub fn write_hdr(image: &Image, options: &WriteOptions, reserve: Reserve) -> Res
     if let (1, Samples::F32(samples)) = (pixels.samples_per_pixel(), &mut pixels.samples) {
         reserve(3 * size_of_val(samples.as_slice()) as u128)?;
         *samples = samples.iter().flat_map(|&y| [y; 3]).collect();
+    }
+    if let Samples::F32(samples) = &mut pixels.samples {
+        // The format's exponent ends below 2^127; it has no place for what is negative or no number.
+        samples.iter_mut().for_each(|sample| *sample = if *sample > 0.0 { sample.min(HDR_MAX) } else { 0.0 });
     }
     write(pixels, reserve, |image, out| image.write_with_encoder(HdrEncoder::new(out)))
 }

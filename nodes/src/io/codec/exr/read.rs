@@ -39,6 +39,7 @@ pub fn read(bytes: &[u8], reserve: Reserve) -> Result<Image, NodeError> {
     }
     let mut layers = Vec::with_capacity(headers.parts.len());
     for (part, (number, blocks, table)) in headers.parts.iter().zip(&tables) {
+        reserve(0)?;
         let chunks = Chunks { bytes, table, number: *number, top: part.data.y0, is_tiled: part.tile.is_some() };
         layers.push(layer(part, blocks, &chunks)?);
     }

@@ -165,6 +165,7 @@ fn assemble(sources: &[Source], reserve: Reserve) -> Result<Vec<u8>, NodeError> 
     for (number, source) in sources.iter().enumerate() {
         let rows: Vec<usize> = (0..source.blocks.count[1]).collect();
         for batch in rows.chunks(BATCH) {
+            reserve(0)?;
             let packed: Vec<Result<Vec<u8>, NodeError>> = batch.par_iter().map(|&row| source.pack(row)).collect();
             for (&row, packed) in batch.iter().zip(packed) {
                 let (packed, offset) = (packed?, file.len() as u64);
