@@ -21,12 +21,14 @@ use args::{Command, Line};
 pub fn main() -> ExitCode {
     let line = Line::parse();
     let registry = Registry::new(warploom_nodes::NODES);
-    let code = match line.command {
+    // What panics here was printed already; the code says whose bug it is.
+    let code = std::panic::catch_unwind(|| match line.command {
         Command::Run(args) => run::run(&args, &registry),
         Command::Check(args) => check::check(&args, &registry),
         Command::Nodes(args) => nodes::nodes(&args, &registry),
         Command::Graph(args) => graph::graph(&args, &registry),
-    };
+    })
+    .unwrap_or(Code::Panic.exit_code());
     let code = if code == 0 && terminal::output_was_lost() { Code::OutputUnwritable.exit_code() } else { code };
     ExitCode::from(code)
 }

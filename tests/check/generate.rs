@@ -6,31 +6,7 @@ use warploom_core::node::OutputKind;
 use warploom_core::registry::{NodeType, Registry};
 use warploom_core::schema::{Access, Arity, Param, PortShape, Shape};
 use warploom_core::value::Kind;
-
-/// A generator that is the same everywhere (SplitMix64).
-pub struct Random(pub u64);
-
-impl Random {
-    pub fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        z ^ (z >> 31)
-    }
-
-    pub fn below(&mut self, bound: usize) -> usize {
-        (self.next() % bound as u64) as usize
-    }
-
-    pub fn pick<'a, T>(&mut self, items: &'a [T]) -> &'a T {
-        &items[self.below(items.len())]
-    }
-
-    fn between(&mut self, min: f64, max: f64) -> f64 {
-        min + (max - min) * (self.below(1001) as f64 / 1000.0)
-    }
-}
+use warploom_tests::Random;
 
 /// What a piece of text is in its graph.
 #[derive(Clone, Debug, PartialEq)]

@@ -7,7 +7,9 @@ use warploom_core::diag::{Code, Fault};
 use warploom_core::graph::{Checked, Options, check};
 
 use crate::fixtures::graphs;
-use crate::generate::{Good, Random};
+use warploom_tests::Random;
+
+use crate::generate::Good;
 use crate::{NODES, faults_of};
 
 #[test]

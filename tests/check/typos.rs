@@ -6,7 +6,9 @@ use std::ops::Range;
 use warploom_core::diag::Fault;
 use warploom_core::value::Kind;
 
-use crate::generate::{Good, Piece, Random, Role};
+use warploom_tests::Random;
+
+use crate::generate::{Good, Piece, Role};
 use crate::{NODES, faults_of};
 
 /// A graph with one slip, and what is to be said of it.

@@ -2,27 +2,7 @@
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 
-/// A generator that is the same everywhere (SplitMix64).
-pub struct Random(pub u64);
-
-impl Random {
-    pub fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        z ^ (z >> 31)
-    }
-
-    pub fn below(&mut self, bound: usize) -> usize {
-        (self.next() % bound as u64) as usize
-    }
-
-    /// A few values, so that equal ones come up.
-    pub fn value(&mut self) -> f64 {
-        [0.0, 1.0, 1.5, 2.0, -3.25, 7.0, 0.1][self.below(7)]
-    }
-}
+use warploom_tests::Random;
 
 /// A number that may change over frames.
 #[derive(Clone, Debug, PartialEq)]

@@ -458,3 +458,44 @@ fn twins_in_one_chain_do_not_wait_for_each_other() {
     let minute = std::time::Duration::from_secs(60);
     waiting.recv_timeout(minute).expect("the run comes to an end");
 }
+
+#[test]
+fn a_port_that_reads_windows_needs_no_value() {
+    // Room to make the picture, 128 bytes, and not to keep it.
+    let (bench, engine) = (Bench::new(), engine(200));
+    let graph = |reader: &str| {
+        format!(r#""p": Picture(a: 2.0, width: 3), "r": {reader}, "out": Write(of: "r", path: "out.#.txt")"#)
+    };
+    bench.run(&engine, &graph(r#"PickA(image: "p")"#));
+    let report = bench.run(&engine, &graph(r#"Size(domain: "p")"#));
+    assert_eq!(pair(&report, "r", None).status, Status::Executed);
+    let picture = pair(&report, "p", None);
+    assert_eq!((picture.status, picture.from), (Status::Reused, Some(From::Record)), "its outline is enough");
+}
+
+/// Two nodes want a value that cannot be had any more, one of them late: both are skipped, and the run ends.
+#[test]
+fn a_lost_value_skips_whoever_wants_it() {
+    let (done, waiting) = std::sync::mpsc::channel();
+    std::thread::spawn(move || {
+        let (bench, engine) = (Bench::new(), engine(0));
+        let graph = |by: f64, wait: u64| {
+            format!(
+                r#""drift": Drift(), "one": Const(value: 1.0), "slow": Slow(of: "one", milliseconds: 30),
+                "c": Sum(terms: ["drift", "slow"]), "late": Slow(of: "one", milliseconds: {wait}),
+                "soon": Scale(of: "c", by: {by:?}), "then": Sum(terms: ["c", "late"], bias: {by:?}),
+                "x": Write(of: "soon", path: "x.#.txt"), "y": Write(of: "then", path: "y.#.txt")"#
+            )
+        };
+        assert!(bench.run(&engine, &graph(1.0, 1)).faults.is_empty());
+        let report = bench.run(&engine, &graph(2.0, 120));
+        let [fault] = &report.faults[..] else { panic!("{:#?}", report.faults) };
+        assert_eq!((fault.code, fault.node.as_deref()), (Code::Nondeterministic, Some("drift")));
+        for (node, frame) in [("soon", None), ("then", None), ("x", Some(1)), ("y", Some(1))] {
+            assert_eq!(pair(&report, node, frame).status, Status::Skipped, "{node}");
+        }
+        done.send(()).expect("somebody waits");
+    });
+    let minute = std::time::Duration::from_secs(60);
+    waiting.recv_timeout(minute).expect("the run comes to an end");
+}

@@ -10,10 +10,17 @@ use warploom_core::graph::plan::Plan;
 use warploom_core::graph::{Options, check};
 use warploom_core::registry::Registry;
 
-use crate::model::{By, Edge, Model, Op, Random, Seen, read_name, write_name};
+use warploom_tests::Random;
+
+use crate::model::{By, Edge, Model, Op, Seen, read_name, write_name};
 use crate::nodes::{COMPUTED, NODES};
 
 const FILES: usize = 2;
+
+/// A few values, so that equal ones come up.
+fn value(random: &mut Random) -> f64 {
+    *random.pick(&[0.0, 1.0, 1.5, 2.0, -3.25, 7.0, 0.1])
+}
 
 /// Frames that a window around any frame of a run may ask for.
 const READABLE: std::ops::RangeInclusive<i64> = -2..=12;
@@ -36,34 +43,34 @@ fn picture_edge(model: &[Op], random: &mut Random) -> Option<Edge> {
 
 fn by(before: &[Op], random: &mut Random) -> By {
     match random.below(4) {
-        0 => By::Keys(vec![(1, random.value()), (2 + random.below(3) as i64, random.value())]),
+        0 => By::Keys(vec![(1, value(random)), (2 + random.below(3) as i64, value(random))]),
         1 => By::Link(number_edge(before, random)),
-        _ => By::Constant(random.value()),
+        _ => By::Constant(value(random)),
     }
 }
 
 /// A random operation that names only nodes in `before`.
 fn operation(before: &[Op], random: &mut Random) -> Op {
     if before.is_empty() {
-        return Op::Const(random.value());
+        return Op::Const(value(random));
     }
     let of = number_edge(before, random);
     match random.below(16) {
-        0 => Op::Const(random.value()),
+        0 => Op::Const(value(random)),
         1 | 2 => {
             let terms = (0..1 + random.below(3)).map(|_| number_edge(before, random)).collect();
-            Op::Sum { terms, bias: random.value() }
+            Op::Sum { terms, bias: value(random) }
         }
         3 => Op::Split(of),
         4 => Op::Frame,
-        5 | 6 => Op::Step { of, at: random.value() },
+        5 | 6 => Op::Step { of, at: value(random) },
         7 => Op::Window { of, radius: 1 + random.below(2) as u32 },
         8 => Op::Hold { of, frame: 1 + random.below(5) as i64 },
         9 => Op::Shot(of),
         10 | 11 => Op::Scale { of, by: by(before, random) },
-        12 => Op::OrElse { of: (random.below(2) == 0).then_some(of), otherwise: random.value() },
+        12 => Op::OrElse { of: (random.below(2) == 0).then_some(of), otherwise: value(random) },
         13 => Op::Read { file: random.below(FILES), per_frame: random.below(2) == 0 },
-        14 => Op::Picture { a: by(before, random), b: random.value(), width: 1 + random.below(2) as u32 },
+        14 => Op::Picture { a: by(before, random), b: value(random), width: 1 + random.below(2) as u32 },
         _ => match (picture_edge(before, random), random.below(2)) {
             (Some(edge), 0) => Op::PickA(edge),
             (Some(edge), _) => Op::Size(edge),
@@ -116,14 +123,14 @@ fn edit(model: &mut Model, random: &mut Random) {
         }
         _ => {
             let node = random.below(model.ops.len());
-            let value = random.value();
+            let number = value(random);
             let (before, rest) = model.ops.split_at_mut(node);
             let other = if before.is_empty() { None } else { Some(number_edge(before, random)) };
             match (&mut rest[0], other) {
-                (Op::Const(v) | Op::Step { at: v, .. } | Op::Sum { bias: v, .. }, _) => *v = value,
-                (Op::OrElse { otherwise, .. }, _) => *otherwise = value,
+                (Op::Const(v) | Op::Step { at: v, .. } | Op::Sum { bias: v, .. }, _) => *v = number,
+                (Op::OrElse { otherwise, .. }, _) => *otherwise = number,
                 (Op::Scale { by: factor, .. } | Op::Picture { a: factor, .. }, Some(_)) => *factor = by(before, random),
-                (Op::Picture { b, .. }, None) => *b = value,
+                (Op::Picture { b, .. }, None) => *b = number,
                 (Op::Window { radius, .. }, _) => *radius = 1 + random.below(2) as u32,
                 (Op::Hold { frame, .. }, _) => *frame = 1 + random.below(5) as i64,
                 (Op::Split(of) | Op::Shot(of) | Op::Write { of, .. }, Some(other)) => *of = other,
@@ -235,7 +242,7 @@ fn a_thousand_edit_sequences_execute_just_what_is_needed() {
             let names =
                 std::iter::once(read_name(file, None)).chain(READABLE.map(|frame| read_name(file, Some(frame))));
             names.for_each(|name| {
-                inputs.insert(name, format!("{:?}", random.value()));
+                inputs.insert(name, format!("{:?}", value(&mut random)));
             });
         }
         std::fs::create_dir_all(folder.path().join("in")).expect("a folder");
@@ -257,7 +264,7 @@ fn a_thousand_edit_sequences_execute_just_what_is_needed() {
                 // A plate overwritten in place, at once and with as many bytes.
                 1 => {
                     let name = inputs.keys().nth(random.below(inputs.len())).expect("files").clone();
-                    let content = format!("{:?}", random.value());
+                    let content = format!("{:?}", value(&mut random));
                     write(&name, &content);
                     inputs.insert(name, content);
                 }
