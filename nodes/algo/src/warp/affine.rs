@@ -12,7 +12,7 @@ pub struct Affine {
     pub rotate_deg: f64,
     /// Factors along x and y; 1 changes nothing, negative ones mirror.
     pub scale: [f64; 2],
-    /// Shear: x' = x + shear[0] y and y' = y + shear[1] x.
+    /// Shear: x' = x + `shear[0]` y and y' = y + `shear[1]` x.
     pub shear: [f64; 2],
     /// The point that scale, shear and rotation leave in place, px.
     pub center: [f64; 2],
@@ -36,7 +36,7 @@ impl Default for Affine {
 /// * `lattice`: the nodes to move.
 /// * `parameters`: any finite numbers; see [`Affine`] for their units.
 ///
-/// Rotations by multiples of 90 degrees are exact. A singular product (a scale of 0, or shear[0] shear[1] = 1)
+/// Rotations by multiples of 90 degrees are exact. A singular product (a scale of 0, or `shear[0] * shear[1]` = 1)
 /// collapses the lattice onto a line or a point; [`super::certify`] reports it.
 ///
 /// Cost: linear in the nodes.
