@@ -6,10 +6,9 @@ use std::path::{Path, PathBuf};
 use serde_json::{Value as Json, json};
 use warploom_core::diag::{Code, Fault};
 use warploom_core::engine::{Disk, Io, plain};
-use warploom_core::graph::frames::{expand_pattern, has_pattern};
+use warploom_core::graph::frames::{expand_pattern, folded, has_pattern, paths_over};
 use warploom_core::graph::plan::Plan;
 use warploom_core::node::{NodeError, OutputKind};
-use warploom_core::schema::Access;
 use warploom_core::value::{Buffer, Channel, Direction, Grid, Image, Kind, Plane, Rect, SampleType, Value, Warp};
 use warploom_nodes::io::codec::{EXTENSIONS, WriteOptions, as_image, encode_image};
 
@@ -44,12 +43,12 @@ pub struct Planned {
     frames: Vec<i64>,
 }
 
-/// Finds nodes and outputs; a fault per dump that cannot be done.
-pub fn plan(dumps: &[Dump], plan: &Plan) -> Result<Vec<Planned>, Vec<Fault>> {
+/// Finds nodes and outputs; a fault per dump that cannot be done. `taken` are the files that have a use already, as
+/// [`folded`] gives them; those of the dumps come to them.
+pub fn plan(dumps: &[Dump], plan: &Plan, taken: &mut HashSet<String>) -> Result<Vec<Planned>, Vec<Fault>> {
     let (mut planned, mut faults) = (Vec::new(), Vec::new());
-    let saved = saved(plan);
-    for (at, dump) in dumps.iter().enumerate() {
-        match find(dump, &dumps[..at], plan).and_then(|found| found.beside(&saved)) {
+    for dump in dumps {
+        match find(dump, plan).and_then(|found| found.take(taken)) {
             Ok(found) => planned.push(found),
             Err(fault) => faults.push(fault.node(&dump.node)),
         }
@@ -57,24 +56,7 @@ pub fn plan(dumps: &[Dump], plan: &Plan) -> Result<Vec<Planned>, Vec<Fault>> {
     if faults.is_empty() { Ok(planned) } else { Err(faults) }
 }
 
-/// The files that the run's sinks write.
-fn saved(plan: &Plan) -> HashSet<PathBuf> {
-    let frames: Vec<Option<i64>> =
-        if plan.frames.is_empty() { vec![None] } else { plan.frames.iter().copied().map(Some).collect() };
-    let mut saved = HashSet::new();
-    for &target in &plan.targets {
-        let node = &plan.nodes[target];
-        for (name, _) in node.params.paths.iter().filter(|(_, access)| *access == Access::Write) {
-            // Paths do not depend on links; any number will do for them.
-            let params =
-                frames.iter().filter_map(|&frame| plan.params_at(target, frame, &vec![1.0; node.links.len()]).ok());
-            saved.extend(params.filter_map(|params| Some(PathBuf::from(params.get(name)?.as_str()?))));
-        }
-    }
-    saved
-}
-
-fn find(dump: &Dump, before: &[Dump], plan: &Plan) -> Result<Planned, Fault> {
+fn find(dump: &Dump, plan: &Plan) -> Result<Planned, Fault> {
     let usage = |message: String| Fault::new(Code::Usage, message);
     let node = plan.node(&dump.node).ok_or_else(|| usage(format!("there is no node `{}` to dump", dump.node)))?;
     let node_type = &plan.nodes[node].node_type;
@@ -90,9 +72,6 @@ fn find(dump: &Dump, before: &[Dump], plan: &Plan) -> Result<Planned, Fault> {
     let kind = kind(plan, node, output);
     if let Some(error) = kind.and_then(|kind| unwritable(kind, &extension(&dump.path))) {
         return Err(usage(error.message).hint(error.hint));
-    }
-    if before.iter().any(|other| other.path == dump.path) {
-        return Err(usage(format!("--dump would write {} twice", dump.path.display())));
     }
     let has_pattern = has_pattern(&dump.path.to_string_lossy());
     if !plan.nodes[node].is_static && plan.frames.len() > 1 && !has_pattern {
@@ -120,17 +99,16 @@ fn kind(plan: &Plan, mut node: usize, mut output: usize) -> Option<Kind> {
 }
 
 impl Planned {
-    /// Refused if a sink writes one of its files.
-    fn beside(self, saved: &HashSet<PathBuf>) -> Result<Self, Fault> {
-        let mut paths: Vec<PathBuf> = self.frames.iter().flat_map(|&frame| self.paths(Some(frame))).collect();
-        paths.push(self.path.clone());
-        match paths.iter().find(|path| saved.contains(*path)) {
-            Some(path) => {
-                let message = format!("--dump would write {}, which a node of the graph writes", path.display());
-                Err(Fault::new(Code::Usage, message).hint("dump to another file".to_owned()))
+    /// Takes its files, unless one has a use already.
+    fn take(self, taken: &mut HashSet<String>) -> Result<Self, Fault> {
+        let pattern = self.path.to_string_lossy();
+        for path in paths_over(("", &pattern), &self.frames) {
+            if !taken.insert(folded(&path)) {
+                let message = format!("--dump would write {path}, which the run reads or writes already");
+                return Err(Fault::new(Code::Usage, message).hint("dump to another file".to_owned()));
             }
-            None => Ok(self),
         }
+        Ok(self)
     }
 
     /// The files that hold the value of `frame`. What is the same for all frames goes to the file of each.
@@ -145,8 +123,14 @@ impl Planned {
     }
 }
 
-/// Writes the dumps of a node.
-pub fn write(dumps: &[Planned], node: usize, frame: Option<i64>, values: &[Value]) -> Result<(), Fault> {
+/// Writes the dumps of a node, and says `wrote` of each file.
+pub fn write(
+    dumps: &[Planned],
+    node: usize,
+    frame: Option<i64>,
+    values: &[Value],
+    wrote: impl Fn(&Path),
+) -> Result<(), Fault> {
     for dump in dumps.iter().filter(|dump| dump.node == node) {
         let bytes = encode(&values[dump.output], &dump.path).map_err(|error| {
             let message = format!("cannot dump to {}: {}", dump.path.display(), error.message);
@@ -156,6 +140,7 @@ pub fn write(dumps: &[Planned], node: usize, frame: Option<i64>, values: &[Value
             Disk.write(&path, &bytes).map_err(|error| {
                 Fault::new(Code::OutputUnwritable, format!("cannot write {}: {}", path.display(), plain(&error)))
             })?;
+            wrote(&path);
         }
     }
     Ok(())

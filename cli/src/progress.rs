@@ -1,6 +1,7 @@
 //! How a run is shown while it goes on.
 
 use std::io::IsTerminal;
+use std::path::Path;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
@@ -70,8 +71,13 @@ impl Display {
         }
         let stopped = if report.cancelled { "stopped: " } else { "" };
         note(&format!("{stopped}{} in {:.2} s", parts.join(", "), report.seconds));
-        if report.outputs.is_empty() && report.faults.is_empty() && !report.cancelled {
-            note("no files were asked for");
+    }
+
+    /// Says that a file beside the graph's own was written.
+    pub fn wrote(&self, path: &Path) {
+        match self.dialect {
+            Progress::Jsonl => say(&json!({ "event": "dump", "path": path }).to_string()),
+            _ => self.bar.suspend(|| say(&path.display().to_string())),
         }
     }
 

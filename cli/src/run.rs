@@ -1,5 +1,6 @@
 //! `warploom run`.
 
+use std::collections::HashSet;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -7,10 +8,12 @@ use warploom_core::diag::{Code, Fault};
 use warploom_core::engine::{
     Cancel, Disk, Engine, Io, Job, Report, Settings, StorePolicy, default_cache, peak_bytes, plain,
 };
+use warploom_core::graph::frames::folded;
+use warploom_core::graph::plan::Plan;
 use warploom_core::registry::Registry;
 
 use crate::args::{Progress, RunArgs, Store};
-use crate::dump::{self, Dump};
+use crate::dump::{self, Dump, Planned};
 use crate::progress::Display;
 use crate::terminal::{note, show, show_warnings};
 
@@ -18,11 +21,6 @@ const STOPPED: u8 = 75;
 
 /// The command.
 pub fn run(args: &RunArgs, registry: &Registry) -> u8 {
-    if let Some(report) = args.report.as_ref().filter(|report| same_file(report, &args.file.graph)) {
-        let message = format!("--report {} would overwrite the graph", report.display());
-        show(&Fault::new(Code::Usage, message), false);
-        return Code::Usage.exit_code();
-    }
     let dumps: Result<Vec<Dump>, Fault> = args.dump.iter().map(|text| Dump::parse(text)).collect();
     let dumps = match dumps {
         Ok(dumps) => dumps,
@@ -34,9 +32,12 @@ pub fn run(args: &RunArgs, registry: &Registry) -> u8 {
         show_warnings(&checked.warnings);
     }
     let Some(plan) = checked.plan.map(Arc::new) else { return refuse(args, checked.faults) };
-    let dumps = match dump::plan(&dumps, &plan) {
+    let dumps = match outputs(args, &dumps, &plan) {
         Ok(dumps) => dumps,
-        Err(faults) => return refuse(args, faults),
+        Err(faults) => {
+            faults.iter().for_each(|fault| show(fault, false));
+            return Code::Usage.exit_code();
+        }
     };
 
     let cancel = Cancel::default();
@@ -46,7 +47,7 @@ pub fn run(args: &RunArgs, registry: &Registry) -> u8 {
     let job = Job {
         keep_going: args.keep_going,
         deliver: dumps.iter().map(|dump| dump.node).collect(),
-        on_values: &|node, frame, values| dump::write(&dumps, node, frame, values),
+        on_values: &|node, frame, values| dump::write(&dumps, node, frame, values, |path| display.wrote(path)),
         observer: &display,
         cancel,
     };
@@ -59,8 +60,22 @@ pub fn run(args: &RunArgs, registry: &Registry) -> u8 {
     if write_report(args.report.as_deref(), &report) { code } else { Code::OutputUnwritable.exit_code() }
 }
 
-fn same_file(a: &Path, b: &Path) -> bool {
-    matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
+/// The dumps, once it is clear that neither they nor the report overwrite a file that the run reads or writes.
+fn outputs(args: &RunArgs, dumps: &[Dump], plan: &Plan) -> Result<Vec<Planned>, Vec<Fault>> {
+    if dumps.is_empty() && args.report.is_none() {
+        return Ok(Vec::new());
+    }
+    let mut taken: HashSet<String> = plan.files().collect();
+    taken.insert(folded(&plan.graph.to_string_lossy()));
+    let planned = dump::plan(dumps, plan, &mut taken)?;
+    let report = args.report.as_ref().and_then(|report| std::path::absolute(report).ok());
+    match report.filter(|report| taken.contains(&folded(&report.to_string_lossy()))) {
+        Some(report) => {
+            let message = format!("--report would overwrite {}", report.display());
+            Err(vec![Fault::new(Code::Usage, message).hint("report to another file".to_owned())])
+        }
+        None => Ok(planned),
+    }
 }
 
 fn settings(args: &RunArgs) -> Settings {

@@ -128,9 +128,12 @@ pub struct Place {
     /// Characters to underline, within the line.
     #[serde(skip)]
     pub length: usize,
-    /// The line's text.
+    /// The line's text; of a long one the part around the place.
     #[serde(skip)]
     pub text: String,
+    /// Characters of the line cut off before `text`.
+    #[serde(skip)]
+    pub cut: usize,
 }
 
 impl Place {
@@ -223,18 +226,20 @@ impl Fault {
             }
         }
         let mut group = Group::with_title(level.primary_title(title).id(self.code.name()));
+        // What was cut off a long line is made up for, so that columns are counted right.
         let file = self.place.as_ref().map(|place| place.file.display().to_string());
-        if let (Some(place), Some(file)) = (&self.place, &file) {
-            let byte = |chars: usize| place.text.char_indices().nth(chars).map_or(place.text.len(), |(at, _)| at);
-            let (start, end) = (byte(place.column - 1), byte(place.column - 1 + place.length.max(1)));
+        let line = self.place.as_ref().map(|place| format!("{}{}", " ".repeat(place.cut), place.text));
+        if let (Some(place), Some(file), Some(line)) = (&self.place, &file, &line) {
+            let byte = |chars: usize| line.char_indices().nth(chars).map_or(line.len(), |(at, _)| at);
+            let first = place.column - 1;
+            let (start, end) = (byte(first), byte(first + place.length.max(1)));
             let label = match (&self.node, &self.parameter) {
                 (Some(node), Some(parameter)) => format!("{node}.{parameter}"),
                 _ => String::new(),
             };
             let mark = AnnotationKind::Primary.span(start..end.max(start)).label(label);
-            group = group.element(
-                Snippet::source(place.text.as_str()).line_start(place.line).path(file.as_str()).annotation(mark),
-            );
+            group = group
+                .element(Snippet::source(line.as_str()).line_start(place.line).path(file.as_str()).annotation(mark));
         }
         if let Some(hint) = &self.hint {
             group = group.element(Level::HELP.message(hint.as_str()));
@@ -245,9 +250,13 @@ impl Fault {
 
 /// The closest of `names` to what was written, if any is close.
 pub fn closest<'a>(written: &str, names: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    // Beyond any name; comparing would take the product of both lengths.
+    if written.len() > 200 {
+        return None;
+    }
     let written = written.to_lowercase();
     let mut best: Option<(f64, &str)> = None;
-    for name in names {
+    for name in names.into_iter().filter(|name| name.len() <= 200) {
         let lower = name.to_lowercase();
         // The one forgives what is left out at the end, the other counts slips wherever they are.
         let beginning = strsim::jaro_winkler(&written, &lower);

@@ -220,7 +220,15 @@ fn shape(schema: &Json) -> Result<Shape, String> {
     }
 }
 
+/// Constraints of JSON Schema that no check here keeps.
+const UNKEPT: [&str; 5] = ["exclusiveMaximum", "multipleOf", "pattern", "minLength", "maxLength"];
+
 fn plain(kind: &str, schema: &Json) -> Result<Shape, String> {
+    let unkept = UNKEPT.iter().find(|name| schema.get(**name).is_some());
+    if let Some(name) = unkept.or(["exclusiveMinimum"].iter().find(|n| kind == "integer" && schema.get(**n).is_some()))
+    {
+        return Err(format!("the constraint {name} is not kept"));
+    }
     let number = |key: &str| schema.get(key).and_then(Json::as_f64);
     Ok(match kind {
         "number" => {
@@ -300,6 +308,8 @@ fn integer_limits(format: Option<&str>) -> (i128, i128) {
         Some("uint16") => (0, u16::MAX.into()),
         Some("uint32") => (0, u32::MAX.into()),
         Some("uint64" | "uint") => (0, u64::MAX.into()),
+        Some("int8") => (i8::MIN.into(), i8::MAX.into()),
+        Some("int16") => (i16::MIN.into(), i16::MAX.into()),
         Some("int32") => (i32::MIN.into(), i32::MAX.into()),
         _ => (i64::MIN.into(), i64::MAX.into()),
     }

@@ -105,3 +105,16 @@ fn a_text_of_one_long_line() {
     let column = text[..at].chars().count() + 1;
     assert!(faults.iter().any(|fault| fault.place.as_ref().is_some_and(|place| place.column == column)));
 }
+
+#[test]
+fn a_long_line_full_of_faults_is_not_kept_whole_for_each() {
+    let nodes: String =
+        (0..4000).map(|number| format!("\"n{number}\": FrameHold(input: \"gone{number}\"), ")).collect();
+    let checked = faults_of(&format!("Graph(version: 1, nodes: {{ {nodes} }})"));
+    let places: Vec<_> = checked.faults.iter().filter_map(|fault| fault.place.as_ref()).collect();
+    assert!(places.len() >= 4000);
+    assert!(places.iter().all(|place| place.text.chars().count() <= 240));
+    let last = checked.faults.iter().rfind(|fault| fault.node.as_deref() == Some("n3999")).expect("a fault");
+    let place = last.place.as_ref().expect("a place");
+    assert!(last.render(false, false, 100).contains(&format!("graph.ron:1:{}", place.column)));
+}

@@ -142,7 +142,7 @@ fn dumps_that_cannot_be_are_refused_before_anything_runs() {
     refused("mask=a.png", &["Mask", ".png", "exr"]);
     refused("grid=grid", &["Grid", "json"]);
     refused("plate=plate.gif", &["Image", ".gif", "png"]);
-    refused("keep=a.json --dump bend=./a.json", &["a.json", "twice"]);
+    refused("keep=a.json --dump bend=./a.json", &["a.json", "already"]);
     assert!(!desk.path("out").exists() && !desk.path("cache").exists(), "nothing ran");
 }
 

@@ -234,7 +234,7 @@ impl Engine {
         for at in shared.pairs.in_order(plan) {
             let (pair, known, why) = (&shared.pairs.list[at], &state.pairs[at], reasons[at].clone());
             let node = &plan.nodes[pair.node];
-            let (Some(status), frame) = (known.status, pair.request.frame) else { continue };
+            let (status, frame) = (known.status.unwrap_or(Status::Skipped), pair.request.frame);
             let record = known.record.as_deref();
             nodes.push(PairReport {
                 node: node.id.to_string(),

@@ -19,7 +19,7 @@ pub enum Status {
     Reused,
     /// It ended in a fault.
     Failed,
-    /// It waited for one that failed.
+    /// It waited for one that failed, or the run ended before it.
     Skipped,
 }
 
@@ -131,7 +131,7 @@ pub struct Report {
     pub seconds: f64,
     /// Peak resident memory of the process, bytes; 0 where the system does not tell.
     pub peak_bytes: u64,
-    /// Every pair in the upstream closure of the targets, as far as the run came.
+    /// Every pair in the upstream closure of the targets, inputs first.
     pub nodes: Vec<PairReport>,
     /// Every file.
     pub outputs: Vec<OutputReport>,

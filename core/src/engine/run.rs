@@ -150,7 +150,8 @@ impl Worker<'_> {
 
     fn loaded(&self, at: usize, values: Vec<Value>, from: From) {
         let mut state = self.shared.lock();
-        if state.pairs[at].status == Some(Status::Reused) {
+        // Where it came from first: after that it is in memory.
+        if state.pairs[at].from == Some(From::Record) {
             state.pairs[at].from = Some(from);
         }
         self.hold(&mut state, at, values);

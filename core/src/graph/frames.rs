@@ -1,6 +1,6 @@
 //! Frame ranges and frame patterns in paths.
 
-use std::path::Path;
+use std::path::{Component, Path, PathBuf};
 
 /// Most frames a range may name.
 pub const MAX_FRAMES: usize = 1_000_000;
@@ -77,6 +77,28 @@ pub fn expand_pattern(path: &str, frame: i64) -> String {
     }
     expanded.push_str(rest);
     expanded
+}
+
+/// The path (its graph's folder, and the rest) of every frame, or the one path that is the same for all.
+pub fn paths_over<'a>((folder, rest): (&'a str, &'a str), frames: &'a [i64]) -> impl Iterator<Item = String> + 'a {
+    let frames = if has_pattern(rest) { frames } else { &[] };
+    let one = frames.is_empty().then(|| format!("{folder}{rest}"));
+    one.into_iter().chain(frames.iter().map(move |&frame| format!("{folder}{}", expand_pattern(rest, frame))))
+}
+
+/// A path in the form in which two that may be one file are equal: `.` and `..` resolved, case folded.
+pub fn folded(path: &str) -> String {
+    let mut resolved = PathBuf::new();
+    for part in Path::new(path).components() {
+        match part {
+            Component::CurDir => {}
+            Component::ParentDir => {
+                resolved.pop();
+            }
+            part => resolved.push(part),
+        }
+    }
+    resolved.to_string_lossy().to_lowercase()
 }
 
 /// Replaces `$(env:NAME)` by the variable's value; the error is the names of those that are not set.

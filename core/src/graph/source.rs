@@ -14,6 +14,18 @@ pub struct At {
     pub span: Span,
 }
 
+/// Characters of a long line that a place shows.
+const WINDOW: usize = 240;
+
+/// The part of a line to show around its character number `at`, and how many characters are cut off before it.
+fn window(line: &str, at: usize) -> (usize, String) {
+    if line.len() <= WINDOW {
+        return (0, line.to_owned());
+    }
+    let cut = at.saturating_sub(WINDOW / 3);
+    (cut, line.chars().skip(cut).take(WINDOW).collect())
+}
+
 /// The texts, by number; the graph file is number 0.
 #[derive(Debug, Default)]
 pub struct Sources {
@@ -32,8 +44,10 @@ impl Sources {
         let (name, lines) = &self.list[at.source as usize];
         let (line, column) = lines.position(at.span.start);
         let (end_line, end_column) = lines.position(at.span.end);
-        let text = lines.line(line).to_owned();
+        let text = lines.line(line);
         let end = if end_line == line { end_column } else { text.chars().count() + 1 };
-        Place { file: name.clone(), line, column, length: end.saturating_sub(column), text }
+        let (cut, text) = window(text, column - 1);
+        let length = end.saturating_sub(column).min(WINDOW);
+        Place { file: name.clone(), line, column, length, text, cut }
     }
 }

@@ -7,6 +7,8 @@ use warploom_core::node::{Context, Domain, In, Node, NodeError, Output, Outputs}
 use crate::adapt::{stopped, view_mut, watch};
 
 /// The loose selection that a person draws: a closed polygon, with even-odd inside and a soft outline.
+///
+/// Coverage is exact along rows and taken in sixteenths of a pixel across them.
 #[derive(Serialize, Deserialize, JsonSchema, SmartDefault)]
 #[serde(default, deny_unknown_fields)]
 pub struct Polygon {

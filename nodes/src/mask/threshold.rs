@@ -57,7 +57,9 @@ impl Threshold {
                 Some(_) => {
                     NodeError::refused(format!("channel {} holds identities, not numbers", self.channel)).at("channel")
                 }
-                None => NodeError::refused(format!("the picture has no channel {}", self.channel)).at("channel"),
+                None => NodeError::refused(format!("the picture has no channel {}", self.channel))
+                    .at("channel")
+                    .hint("name one that it has, such as R, G, B, A or Y, or luma"),
             });
         }
         match (plane("R"), plane("G"), plane("B"), plane("Y")) {

@@ -66,7 +66,7 @@ pub fn check(text: &str, registry: &Registry, options: &Options) -> Checked {
     if text.len() > MAX_BYTES {
         let message = format!("the file has {} bytes; a graph file has at most {MAX_BYTES}", text.len());
         let hint = "is it a graph? if so, split it into several".to_owned();
-        let start = Place { file: options.file.to_owned(), line: 1, column: 1, length: 0, text: String::new() };
+        let start = Place { file: options.file.to_owned(), line: 1, column: 1, length: 0, text: String::new(), cut: 0 };
         let fault = Fault::new(Code::TooLarge, message).hint(hint).place(Some(start));
         return Checked { plan: None, faults: vec![fault], warnings: Vec::new() };
     }

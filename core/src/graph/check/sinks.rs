@@ -1,7 +1,7 @@
 //! Targets, frames and files: what a run would do, as far as that can be told beforehand.
 
 use std::collections::HashMap;
-use std::path::{Component, Path, PathBuf};
+use std::path::Path;
 
 use serde_json::Value as Json;
 
@@ -10,7 +10,7 @@ use super::values::Draft;
 use super::wiring::Wired;
 use super::{At, Options, Reporter};
 use crate::diag::{Code, Fault};
-use crate::graph::frames::{expand_pattern, has_pattern, split_folder};
+use crate::graph::frames::{folded, has_pattern, paths_over, split_folder};
 use crate::graph::plan::{Plan, PlanNode};
 use crate::graph::source::Sources;
 use crate::node::Request;
@@ -132,43 +132,34 @@ fn written_path<'a>(draft: &'a Draft, graph: &Graph) -> Option<(&'a str, (&'a st
     Some((name, split_folder(draft.params.json.get(name)?.as_str()?, &graph.folder)))
 }
 
-/// Two sinks on one path, over all frames.
+/// Two sinks on one path, or a sink on a path that a node reads, over all frames.
 fn sink_conflicts(graph: &Graph, wired: &Wired, sinks: &[usize], report: &mut Reporter) {
-    let mut writers: HashMap<String, usize> = HashMap::new();
+    let mut users: HashMap<String, usize> = HashMap::new();
+    if !sinks.is_empty() {
+        for (index, draft) in wired.drafts.iter().enumerate() {
+            for (name, _) in draft.iter().flat_map(|d| &d.params.paths).filter(|(_, access)| *access == Access::Read) {
+                let path = draft.as_ref().and_then(|draft| draft.params.json.get(name)?.as_str()).unwrap_or_default();
+                paths_over(split_folder(path, &graph.folder), &graph.frames).for_each(|path| {
+                    users.entry(folded(&path)).or_insert(index);
+                });
+            }
+        }
+    }
     for &index in sinks {
         let Some(draft) = &wired.drafts[index] else { continue };
-        let Some((param, (folder, path))) = written_path(draft, graph) else { continue };
-        let frames: &[i64] = if has_pattern(path) { &graph.frames } else { &[] };
-        let mut paths: Vec<String> = frames.iter().map(|&frame| expand_pattern(path, frame)).collect();
-        if paths.is_empty() {
-            paths.push(path.to_owned());
-        }
-        for path in paths.into_iter().map(|path| format!("{folder}{path}")) {
-            let other = *writers.entry(folded(&path)).or_insert(index);
+        let Some((param, path)) = written_path(draft, graph) else { continue };
+        for path in paths_over(path, &graph.frames) {
+            let other = *users.entry(folded(&path)).or_insert(index);
             if other != index {
+                let does = if sinks.contains(&other) { "writes" } else { "reads" };
                 let (id, other) = (graph.nodes[index].id, graph.nodes[other].id);
-                let message = format!("`{other}` writes {path} too");
-                let fault = Fault::new(Code::SinkConflict, message).node(id).parameter(param);
-                report.add(param_at(draft, param), fault.hint("give each Save a path of its own".to_owned()));
+                let fault = Fault::new(Code::SinkConflict, format!("`{other}` {does} {path} too"));
+                let hint = "give each Save a path of its own".to_owned();
+                report.add(param_at(draft, param), fault.node(id).parameter(param).hint(hint));
                 break;
             }
         }
     }
-}
-
-/// A path in the form in which two that may be one file are equal: `.` and `..` resolved, case folded.
-fn folded(path: &str) -> String {
-    let mut resolved = PathBuf::new();
-    for part in Path::new(path).components() {
-        match part {
-            Component::CurDir => {}
-            Component::ParentDir => {
-                resolved.pop();
-            }
-            part => resolved.push(part),
-        }
-    }
-    resolved.to_string_lossy().to_lowercase()
 }
 
 /// What is asked without a frame must not change over frames, unless there are frames; and what changes cannot be

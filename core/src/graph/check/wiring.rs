@@ -1,5 +1,8 @@
 //! Names to nodes, kinds along edges, and the order of it all.
 
+use std::collections::HashMap;
+use std::collections::hash_map::Entry;
+
 use petgraph::graph::{DiGraph, NodeIndex};
 use petgraph::{Direction, algo};
 
@@ -145,20 +148,20 @@ fn order(graph: &Graph, drafts: &[Option<Draft>], edges: &[Incoming], report: &m
 
 /// The shortest cycle through a node, along edges from it, by breadth-first search.
 fn cycle_through(net: &DiGraph<(), ()>, start: usize) -> Vec<usize> {
-    let mut from: Vec<Option<usize>> = vec![None; net.node_count()];
+    let mut from: HashMap<usize, usize> = HashMap::new();
     let mut queue = std::collections::VecDeque::from([start]);
     while let Some(at) = queue.pop_front() {
         for next in net.neighbors_directed(NodeIndex::new(at), Direction::Outgoing) {
             if next.index() == start {
                 let mut path = vec![at];
-                while let Some(before) = from[*path.last().unwrap_or(&start)].filter(|_| path.last() != Some(&start)) {
+                while let Some(&before) = path.last().filter(|last| **last != start).and_then(|last| from.get(last)) {
                     path.push(before);
                 }
                 path.reverse();
                 return path;
             }
-            if from[next.index()].is_none() {
-                from[next.index()] = Some(at);
+            if let Entry::Vacant(unseen) = from.entry(next.index()) {
+                unseen.insert(at);
                 queue.push_back(next.index());
             }
         }

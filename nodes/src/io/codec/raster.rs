@@ -99,10 +99,10 @@ pub fn write_jpeg(image: &Image, options: &WriteOptions, reserve: Reserve) -> Re
     })
 }
 
-/// Writes a Radiance HDR; grey becomes three equal colours.
 /// Just below the largest number that RGBE holds.
 const HDR_MAX: f32 = 1.0e38;
 
+/// Writes a Radiance HDR; grey becomes three equal colours.
 pub fn write_hdr(image: &Image, options: &WriteOptions, reserve: Reserve) -> Result<Vec<u8>, NodeError> {
     if !matches!(options.depth, Depth::Auto | Depth::Float) {
         return Err(no_such_depth(options.depth, "Radiance HDR", "Float"));

@@ -26,11 +26,14 @@ pub fn read(bytes: &[u8], reserve: Reserve) -> Result<Pixels, NodeError> {
         _ => Alpha::Straight,
     };
     let pixel_bytes = width as usize * height as usize * count * usize::from(bits / 8);
-    // Beside the pixels the decoder holds one strip or tile, which may be as large as the picture.
-    reserve(2 * pixel_bytes as u128 + (1 << 20))?;
+    // Beside the pixels the decoder holds one strip or tile: at most the picture, but for a tile's padding.
+    let (chunk_width, chunk_height) = decoder.chunk_dimensions();
+    let chunk_bytes = u128::from(chunk_width) * u128::from(chunk_height) * count as u128 * u128::from(bits / 8);
+    let scratch = chunk_bytes.max(pixel_bytes as u128) + (1 << 20);
+    reserve(pixel_bytes as u128 + scratch)?;
     let mut limits = Limits::default();
     limits.decoding_buffer_size = pixel_bytes;
-    limits.intermediate_buffer_size = pixel_bytes + (1 << 20);
+    limits.intermediate_buffer_size = usize::try_from(scratch).unwrap_or(usize::MAX);
     let mut decoder = decoder.with_limits(limits);
     let mut result = DecodingResult::U8(Vec::new());
     let read = decoder.read_image_to_buffer(&mut result).map_err(tiff_error)?;

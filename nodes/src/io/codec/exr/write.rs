@@ -176,7 +176,9 @@ fn assemble(sources: &[Source], reserve: Reserve) -> Result<Vec<u8>, NodeError> 
                 }
                 let y = source.part.data.y0 + source.blocks.rectangle(0, row)[1] as i32;
                 file.extend_from_slice(&y.to_le_bytes());
-                file.extend_from_slice(&(packed.len() as i32).to_le_bytes());
+                let size = i32::try_from(packed.len())
+                    .map_err(|_| NodeError::refused("a block passes 2 GiB").hint("use another compression"))?;
+                file.extend_from_slice(&size.to_le_bytes());
                 file.extend_from_slice(&packed);
             }
         }
