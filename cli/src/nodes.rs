@@ -68,17 +68,7 @@ fn manifest(node_type: &NodeType) -> Json {
 
 /// What stands for a parameter's default: nothing for ports and for what must be given.
 fn default(param: &Param) -> Option<String> {
-    if param.required || matches!(param.shape, Shape::Port(_)) { None } else { Some(ron(&param.default)) }
-}
-
-/// A default as a graph file would write it.
-fn ron(value: &Json) -> String {
-    match value {
-        Json::Null => "None".into(),
-        Json::String(name) => name.clone(),
-        Json::Array(items) => format!("({})", items.iter().map(ron).collect::<Vec<_>>().join(", ")),
-        other => other.to_string(),
-    }
+    if param.required || matches!(param.shape, Shape::Port(_)) { None } else { Some(param.default_as_written()) }
 }
 
 fn human(node_type: &NodeType) -> String {

@@ -117,6 +117,41 @@ pub enum Arity {
     List,
 }
 
+impl Param {
+    /// The default as it would stand in a graph file.
+    pub fn default_as_written(&self) -> String {
+        as_written(&self.default, &self.shape)
+    }
+}
+
+/// A value as it would stand in a graph file.
+fn as_written(json: &Json, shape: &Shape) -> String {
+    let list = |items: &[Json], shapes: &mut dyn Iterator<Item = &Shape>| {
+        let items = items.iter().zip(shapes).map(|(item, shape)| as_written(item, shape));
+        items.collect::<Vec<_>>().join(", ")
+    };
+    match (shape, json) {
+        (Shape::Optional(_), Json::Null) => "None".into(),
+        (Shape::Optional(inner), json) => as_written(json, inner),
+        (Shape::Number(_), json) => json.as_f64().map_or(json.to_string(), shown),
+        (Shape::Choice(_), Json::String(name)) => name.clone(),
+        (Shape::Choice(_), Json::Object(content)) => {
+            content.keys().next().map(|name| format!("{name}(..)")).unwrap_or_default()
+        }
+        (Shape::Tuple(shapes), Json::Array(items)) => format!("({})", list(items, &mut shapes.iter())),
+        (Shape::List(shape), Json::Array(items)) => {
+            format!("[{}]", list(items, &mut std::iter::repeat_with(|| &**shape)))
+        }
+        (_, json) => json.to_string(),
+    }
+}
+
+/// A number as a person writes it: `5`, `0.25`, `1e300`.
+pub(crate) fn shown(value: f64) -> String {
+    let text = format!("{value:?}");
+    text.strip_suffix(".0").map_or(text.clone(), str::to_owned)
+}
+
 impl Range {
     /// Whether `value` lies in it.
     pub fn holds(&self, value: f64) -> bool {

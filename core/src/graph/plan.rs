@@ -10,7 +10,7 @@ use super::source::{At, Sources};
 use crate::diag::{Code, Fault, Place};
 use crate::node::Request;
 use crate::registry::{AnyNode, NodeType};
-use crate::schema::{Access, IntRange, Range, Shape};
+use crate::schema::{Access, IntRange, Range, Shape, shown};
 use crate::value::Reads;
 
 /// A checked, ordered graph.
@@ -219,12 +219,6 @@ fn fill(shape: &Shape, value: f64) -> Result<Json, String> {
         Shape::Number(range) => Err(range.to_string()),
         other => Err(other.describe(None)),
     }
-}
-
-/// A number as a person writes it: `5`, `0.25`, `1e300`.
-pub(crate) fn shown(value: f64) -> String {
-    let text = format!("{value:?}");
-    text.strip_suffix(".0").map_or(text.clone(), str::to_owned)
 }
 
 /// A JSON number that stays a float; -0.0 becomes 0.0. `value` is finite.

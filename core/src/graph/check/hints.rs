@@ -1,11 +1,8 @@
 //! Words for values: what was found, and what to write instead.
 
-use serde_json::Value as Json;
-
 use crate::diag::{closest, suggestion};
-use crate::graph::plan::shown;
 use crate::graph::read::{Ron, Spanned};
-use crate::schema::{Arity, Param, Shape, Variant};
+use crate::schema::{Arity, Param, Shape, Variant, shown};
 
 /// What stands there, in words.
 pub(super) fn found(value: &Ron) -> String {
@@ -98,7 +95,7 @@ fn places(count: usize) -> String {
 /// What always helps: leaving the parameter out, where it has a default, or else an example.
 pub(super) fn mend(param: &Param) -> String {
     if !param.required && !matches!(param.shape, Shape::Port(_) | Shape::Struct(_)) {
-        return format!("left out, `{}` is {}", param.name, as_written(&param.default, &param.shape));
+        return format!("left out, `{}` is {}", param.name, param.default_as_written());
     }
     format!("write {}: {}", param.name, example(&param.shape))
 }
@@ -120,27 +117,5 @@ fn example(shape: &Shape) -> String {
         Shape::Optional(_) => "None".into(),
         Shape::Port(port) if port.arity == Arity::List => "[\"node\", ..]".into(),
         Shape::Port(_) => "\"node\"".into(),
-    }
-}
-
-/// A default as it would stand in a graph file.
-fn as_written(json: &Json, shape: &Shape) -> String {
-    let list = |items: &[Json], shapes: &mut dyn Iterator<Item = &Shape>| {
-        let items = items.iter().zip(shapes).map(|(item, shape)| as_written(item, shape));
-        items.collect::<Vec<_>>().join(", ")
-    };
-    match (shape, json) {
-        (Shape::Optional(_), Json::Null) => "None".into(),
-        (Shape::Optional(inner), json) => as_written(json, inner),
-        (Shape::Number(_), json) => json.as_f64().map_or(json.to_string(), shown),
-        (Shape::Choice(_), Json::String(name)) => name.clone(),
-        (Shape::Choice(_), Json::Object(content)) => {
-            content.keys().next().map(|name| format!("{name}(..)")).unwrap_or_default()
-        }
-        (Shape::Tuple(shapes), Json::Array(items)) => format!("({})", list(items, &mut shapes.iter())),
-        (Shape::List(shape), Json::Array(items)) => {
-            format!("[{}]", list(items, &mut std::iter::repeat_with(|| &**shape)))
-        }
-        (_, json) => json.to_string(),
     }
 }

@@ -11,10 +11,10 @@ use super::hints::{found, instead, mend, of_variants};
 use super::{At, Options, Reporter};
 use crate::diag::{Code, Fault, suggestion};
 use crate::graph::frames::{expand_variables, has_pattern};
-use crate::graph::plan::{Hole, Source, Step, Template, json_integer, json_number, shown};
+use crate::graph::plan::{Hole, Source, Step, Template, json_integer, json_number};
 use crate::graph::read::{Ron, Spanned};
 use crate::registry::NodeType;
-use crate::schema::{Access, Arity, Param, PortShape, Shape, Variant};
+use crate::schema::{Access, Arity, Param, PortShape, Shape, Variant, shown};
 
 /// A node whose values are checked and whose names are not resolved yet.
 pub(super) struct Draft {
