@@ -63,7 +63,29 @@ impl Blocks {
     /// The samples of a block: for each row, for each channel, those of the row, native-endian.
     pub fn unpack(&self, packed: &[u8], rectangle: [usize; 4]) -> Result<Vec<u8>, exr::error::Error> {
         let compression: Compression = self.header.compression;
+        if matches!(compression, Compression::DWAA(_) | Compression::DWAB(_)) && !self.holds_dwa(packed, rectangle) {
+            return Err(exr::error::Error::Invalid("a DWA block claims more than it can hold".into()));
+        }
         compression.decompress_image_section_from_le(&self.header, packed.to_vec(), bounds(rectangle), false)
+    }
+
+    /// Whether the counts in a DWA block's head are such as its pixels can give: the decoder allocates what they say.
+    /// They are eleven u64: version, sizes of the raw section (unpacked, packed), packed sizes of AC, DC and RLE
+    /// sections, RLE unpacked to tokens and to samples, counts of AC and DC values, and how AC is packed.
+    fn holds_dwa(&self, packed: &[u8], [_, _, width, height]: [usize; 4]) -> bool {
+        let channels = &self.header.channels;
+        let bytes = (width * height * channels.bytes_per_pixel) as u64;
+        if packed.len() as u64 == bytes {
+            return true; // Stored as it is, without a head.
+        }
+        // One DC and at most 63 AC values, or as many marks for runs of zeros, per tile of 8 x 8.
+        let tiles = (width.div_ceil(8) * height.div_ceil(8) * channels.list.len()) as u64;
+        let limits = [(1, bytes), (6, 2 * bytes + 64), (7, bytes), (8, 64 * tiles), (9, tiles)];
+        limits.iter().all(|&(counter, limit)| {
+            let count = packed.get(8 * counter..).and_then(|rest| rest.first_chunk::<8>());
+            // A head that ends early is the decoder's to refuse.
+            count.is_none_or(|count| u64::from_le_bytes(*count) <= limit)
+        })
     }
 
     /// The bytes that hold the samples of a block in a file.

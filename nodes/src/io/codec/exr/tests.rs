@@ -352,6 +352,28 @@ fn truncated_files_are_errors() {
     }
 }
 
+/// The counts in a DWA block's head are its own; the decoder allocates what they say.
+#[test]
+fn absurd_counts_in_a_dwa_block_are_errors() {
+    let data = Rect::at(0, 0, 64, 64);
+    let mut image = picture(data, vec![layer("", data, &MIXED)]);
+    let smooth: Vec<f32> = (0..64 * 64).map(|i| (i % 64) as f32 / 64.0).collect();
+    image.layers[0].channels[1].plane = Plane::F32(Buffer::from_packed(&smooth, 64, 64));
+    let file = write(&image, Compression::Dwaa);
+    let table = super::header::read(&file).expect("a sound header").end;
+    let first = u64::from_le_bytes(file[table..][..8].try_into().expect("an offset")) as usize;
+    let counters = first + 8;
+    assert_eq!(file[counters..][..8], 2u64.to_le_bytes(), "a packed block begins with its version");
+    for counter in [1, 6, 7, 8, 9] {
+        for count in [1u64 << 30, 1 << 56, i64::MAX as u64, u64::MAX] {
+            let mut file = file.clone();
+            file[counters + 8 * counter..][..8].copy_from_slice(&count.to_le_bytes());
+            let error = decode(&file, Encoding::Auto, &limit(1 << 24)).expect_err("no block holds so much");
+            assert_eq!(error.class, ErrorClass::InputUnreadable, "counter {counter}: {error:?}");
+        }
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { cases: 24, failure_persistence: None, ..ProptestConfig::default() })]
     #[test]
