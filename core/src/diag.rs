@@ -85,6 +85,8 @@ codes! {
     InputUnsupported = "input_unsupported", exit 4;
     /// A file cannot be written.
     OutputUnwritable = "output_unwritable", exit 6;
+    /// A file that is to be verified is another, or is not there.
+    OutputDiffers = "output_differs", exit 7;
     /// A node refused its inputs.
     Refused = "refused", exit 7;
     /// A pair needs more memory than the budget allows.
@@ -104,6 +106,7 @@ impl From<ErrorClass> for Code {
             ErrorClass::InputUnreadable => Code::InputUnreadable,
             ErrorClass::InputUnsupported => Code::InputUnsupported,
             ErrorClass::OutputUnwritable => Code::OutputUnwritable,
+            ErrorClass::OutputDiffers => Code::OutputDiffers,
             ErrorClass::OverBudget => Code::OverBudget,
             ErrorClass::Cancelled => Code::Cancelled,
         }

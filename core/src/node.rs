@@ -156,6 +156,8 @@ pub enum ErrorClass {
     InputUnsupported,
     /// A file cannot be written.
     OutputUnwritable,
+    /// A file that is to be verified is another, or is not there.
+    OutputDiffers,
     /// More memory would be needed than the budget allows.
     OverBudget,
     /// The run was cancelled.

@@ -8,10 +8,11 @@ use std::sync::{Arc, Mutex};
 
 use warploom_core::diag::Code;
 use warploom_core::engine::{
-    Cancel, Disk, Engine, Event, From, Io, Job, Observer, PairReport, Reason, Report, Settings, Stat, Status,
-    StorePolicy,
+    Cancel, Engine, Event, From, Job, Observer, PairReport, Reason, Report, Settings, Stat, Status, StorePolicy,
 };
 use warploom_core::registry::Registry;
+
+use warploom_tests::io::{Meddled, Meddler, Op};
 
 use crate::nodes::{COMPUTED, NODES};
 use crate::random::plan;
@@ -261,19 +262,9 @@ fn a_cancel_reaches_into_a_long_node_and_the_rest_can_be_done_later() {
 /// A file system whose clock stands still: an overwritten file differs in nothing but its content.
 struct FrozenClock(i128);
 
-impl Io for FrozenClock {
-    fn stat(&self, path: &Path) -> io::Result<Stat> {
-        let size = Disk.stat(path)?.size;
-        Ok(Stat { size, modified: self.0, changed: self.0, inode: 1, device: 1 })
-    }
-    fn read(&self, path: &Path) -> io::Result<Vec<u8>> {
-        Disk.read(path)
-    }
-    fn write(&self, path: &Path, bytes: &[u8]) -> io::Result<()> {
-        Disk.write(path, bytes)
-    }
-    fn remove(&self, path: &Path) -> io::Result<()> {
-        Disk.remove(path)
+impl Meddler for FrozenClock {
+    fn stat(&self, _: &Path, stat: Stat) -> Stat {
+        Stat { size: stat.size, modified: self.0, changed: self.0, inode: 1, device: 1 }
     }
 }
 
@@ -282,7 +273,7 @@ fn a_file_overwritten_within_one_tick_of_the_clock_is_seen() {
     let bench = Bench::new();
     let now =
         std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).expect("after 1970").as_nanos() as i128;
-    let engine = Engine::new(Settings { io: Arc::new(FrozenClock(now)), ..Settings::default() });
+    let engine = Engine::new(Settings { io: Arc::new(Meddled::new(FrozenClock(now))), ..Settings::default() });
     let graph = r#""file": Read(path: "in.txt"), "out": Write(of: "file", path: "out.#.txt")"#;
     for value in ["1.5", "2.5", "3.5"] {
         std::fs::write(bench.path("in.txt"), value).expect("written");
@@ -298,29 +289,20 @@ struct Watched {
     full: AtomicBool,
 }
 
-impl Io for Watched {
-    fn stat(&self, path: &Path) -> io::Result<Stat> {
-        Disk.stat(path)
-    }
-    fn read(&self, path: &Path) -> io::Result<Vec<u8>> {
-        *self.reads.lock().expect("no panic").entry(path.to_owned()).or_default() += 1;
-        Disk.read(path)
-    }
-    fn write(&self, path: &Path, bytes: &[u8]) -> io::Result<()> {
-        if self.full.load(Ordering::Relaxed) && path.to_string_lossy().contains("cache") {
-            return Err(io::ErrorKind::StorageFull.into());
+impl Meddler for Watched {
+    fn before(&self, op: Op, path: &Path) -> io::Result<()> {
+        if op == Op::Open {
+            *self.reads.lock().expect("no panic").entry(path.to_owned()).or_default() += 1;
         }
-        Disk.write(path, bytes)
-    }
-    fn remove(&self, path: &Path) -> io::Result<()> {
-        Disk.remove(path)
+        let is_full = self.full.load(Ordering::Relaxed) && path.to_string_lossy().contains("cache");
+        if op == Op::Write && is_full { Err(io::ErrorKind::StorageFull.into()) } else { Ok(()) }
     }
 }
 
 const DISK_GRAPH: &str = r#""a": Frame(), "b": Scale(of: "a", by: 2.0), "c": Sum(terms: ["b"]),
     "out": Write(of: "c", path: "out.#.txt")"#;
 
-fn disk_engine(bench: &Bench, io: Arc<Watched>) -> Engine {
+fn disk_engine(bench: &Bench, io: Arc<Meddled<Watched>>) -> Engine {
     Engine::new(Settings { cache: Some(bench.path("cache")), store: StorePolicy::All, io, ..Settings::default() })
 }
 
@@ -387,7 +369,7 @@ fn a_damaged_cache_changes_no_result() {
 #[test]
 fn a_full_disk_costs_one_warning_and_nothing_else() {
     let bench = Bench::new();
-    let io = Arc::new(Watched::default());
+    let io = Arc::new(Meddled::<Watched>::default());
     io.full.store(true, Ordering::Relaxed);
     let engine = disk_engine(&bench, io);
     let report = bench.run(&engine, DISK_GRAPH);
@@ -404,11 +386,11 @@ fn a_settled_file_is_not_read_again() {
     let old = std::time::SystemTime::now() - std::time::Duration::from_secs(60);
     std::fs::File::options().write(true).open(&input).and_then(|file| file.set_modified(old)).expect("set");
     // The file was changed (its attributes) just now, so a memo made now proves nothing: settle first.
-    let io = Arc::new(Watched::default());
+    let io = Arc::new(Meddled::<Watched>::default());
     let engine = Engine::new(Settings { io: io.clone(), ..Settings::default() });
     let graph = r#""file": Read(path: "in.txt"), "out": Write(of: "file", path: "out.#.txt")"#;
     bench.run(&engine, graph);
-    let reads = |io: &Watched| io.reads.lock().expect("no panic")[&input];
+    let reads = |io: &Meddled<Watched>| io.reads.lock().expect("no panic")[&input];
     let unsettled = reads(&io);
     bench.run(&engine, graph);
     assert_eq!(reads(&io), unsettled + 1, "changed less than 2 s before: read again");
@@ -462,8 +444,7 @@ fn twins_in_one_chain_do_not_wait_for_each_other() {
 
 #[test]
 fn a_port_that_reads_windows_needs_no_value() {
-    // Room to make the picture, 128 bytes, and not to keep it.
-    let (bench, engine) = (Bench::new(), engine(200));
+    let (bench, engine) = (Bench::new(), engine(ROOMY));
     let graph = |reader: &str| {
         format!(r#""p": Picture(a: 2.0, width: 3), "r": {reader}, "out": Write(of: "r", path: "out.#.txt")"#)
     };

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-use warploom_core::engine::{Engine, Job, Report, Settings, Status};
+use warploom_core::engine::{Delivery, Engine, Job, Report, Settings, Status};
 use warploom_core::graph::plan::Plan;
 use warploom_core::graph::{Options, check};
 use warploom_core::registry::Registry;
@@ -300,7 +300,7 @@ fn outputs(engine: &Engine, model: &Model, folder: &Path, registry: &Registry) -
     let plan = Arc::new(checked.plan.expect("a plan"));
     let found = std::sync::Mutex::new(BTreeMap::new());
     let deliver = (0..plan.nodes.len()).collect();
-    let collect = |node: usize, frame: Option<i64>, values: &[warploom_core::value::Value]| {
+    let collect = |Delivery { node, frame, values, .. }: Delivery| {
         for (output, value) in values.iter().enumerate() {
             let name = format!("{}.{output}@{frame:?}", plan.nodes[node].id);
             found.lock().expect("no panic").insert(name, value.digest().0.to_vec());

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
-use warploom_core::engine::{Engine, Job, Settings};
+use warploom_core::engine::{Delivery, Engine, Job, Settings};
 use warploom_core::graph::{Options, check};
 use warploom_core::registry::Registry;
 
@@ -49,7 +49,7 @@ fn results(graph: &Path, threads: usize) -> BTreeMap<String, String> {
     let deliver = (0..plan.nodes.len()).filter(|&node| !plan.nodes[node].node_type.sink).collect();
     let job = Job {
         deliver,
-        on_values: &|node, frame, values| {
+        on_values: &|Delivery { node, frame, values, .. }| {
             let mut found = found.lock().expect("no panic");
             for (output, value) in values.iter().enumerate() {
                 found.insert(format!("{}.{output}@{frame:?}", plan.nodes[node].id), value.digest().hex());
@@ -63,7 +63,7 @@ fn results(graph: &Path, threads: usize) -> BTreeMap<String, String> {
     assert!(!report.outputs.is_empty(), "{} writes something", graph.display());
     let mut found = found.into_inner().expect("no panic");
     for output in &report.outputs {
-        found.insert(format!("{}@{:?}", output.node, output.frame), output.artifact.blake3.hex());
+        found.insert(format!("{}@{:?}", output.node, output.frame), output.blake3.expect("it was written").hex());
     }
     found
 }

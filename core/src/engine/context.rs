@@ -1,10 +1,11 @@
 //! What a node sees while it computes.
 
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Mutex, PoisonError};
 
-use super::io::{Io, plain};
+use super::Existing;
+use super::io::{self as door, Durable, Io, plain};
+use super::memory::Purpose;
 use crate::node::{ErrorClass, In, NodeError, Port, ReadPath, Request, WritePath};
 use crate::value::{BufferMut, Digest, Given, Sample};
 
@@ -19,12 +20,14 @@ pub struct Artifact {
     pub blake3: Digest,
 }
 
-/// Whether to go on, and who wants to know how far it is.
+/// Whether to go on, who wants to know how far it is, and where memory comes from.
 pub(crate) trait Control: Sync {
     /// The part done, 0..=1.
     fn progress(&self, part: f64);
     /// Whether the run is stopped.
     fn is_stopped(&self) -> bool;
+    /// Counts memory before it is allocated; an error refuses it, or asks the node to end and try again later.
+    fn reserve(&self, bytes: u128, purpose: Purpose) -> Result<(), NodeError>;
 }
 
 /// What a node sees while it computes: its inputs, its files, its budget; and how it is told to stop.
@@ -35,8 +38,7 @@ pub struct Context<'a> {
     pub(crate) files: &'a [(PathBuf, Digest)],
     pub(crate) io: &'a dyn Io,
     pub(crate) control: &'a dyn Control,
-    pub(crate) budget: u64,
-    pub(crate) allocated: AtomicU64,
+    pub(crate) existing: Existing,
     pub(crate) artifacts: Mutex<Vec<Artifact>>,
 }
 
@@ -75,19 +77,13 @@ impl Context<'_> {
     /// Several planes of zeros, refused before the first is made if not all have room.
     pub fn planes<T: Sample>(&self, count: usize, width: usize, height: usize) -> Result<Vec<BufferMut<T>>, NodeError> {
         self.go_on()?;
-        self.reserve(count as u128 * BufferMut::<T>::bytes_for(width, height))?;
+        self.control.reserve(count as u128 * BufferMut::<T>::bytes_for(width, height), Purpose::Planes)?;
         Ok((0..count).map(|_| BufferMut::zeroed(width, height)).collect())
     }
 
-    /// Counts `bytes` that the node is about to allocate against the memory budget.
+    /// Counts `bytes` that the node is about to allocate against the memory budget. An error means stop; pass it on.
     pub fn reserve(&self, bytes: u128) -> Result<(), NodeError> {
-        let before = self.allocated.fetch_add(bytes.min(u128::from(u64::MAX / 2)) as u64, Ordering::Relaxed);
-        let total = bytes + u128::from(before);
-        if total <= u128::from(self.budget) {
-            return Ok(());
-        }
-        let message = format!("needs {}, more than the memory budget of {}", megabytes(total), megabytes(self.budget));
-        Err(NodeError::new(ErrorClass::OverBudget, message).hint("ask for less, or raise --memory"))
+        self.control.reserve(bytes, Purpose::Other)
     }
 
     /// The content of a file parameter: the very bytes whose digest is in this node's key.
@@ -95,9 +91,9 @@ impl Context<'_> {
         let path = path.path();
         let expected = self.files.iter().find(|(known, _)| known == path).map(|(_, digest)| digest);
         let unreadable = |problem: String| NodeError::new(ErrorClass::InputUnreadable, problem);
-        let size = self.io.stat(path).map_err(|e| unreadable(cannot_read(path, &e)))?.size;
+        let size = door::stat(self.io, path).map_err(|e| unreadable(cannot_read(path, &e)))?.size;
         self.reserve(size.into())?;
-        let bytes = self.io.read(path).map_err(|e| unreadable(cannot_read(path, &e)))?;
+        let bytes = door::read(self.io, path).map_err(|e| unreadable(cannot_read(path, &e)))?;
         if expected != Some(&Digest::of_bytes(&bytes)) {
             return Err(unreadable(format!("{} changed while it was read", path.display()))
                 .hint("run again once it is written whole"));
@@ -105,16 +101,31 @@ impl Context<'_> {
         Ok(bytes)
     }
 
-    /// Writes a file whole or not at all.
+    /// Writes a file whole or not at all. Where a run only verifies, the file must be there with this content.
     pub fn write(&self, path: &WritePath, bytes: &[u8]) -> Result<(), NodeError> {
         let path = path.path();
-        self.io.write(path, bytes).map_err(|e| {
-            let message = format!("cannot write {}: {}", path.display(), plain(&e));
-            NodeError::new(ErrorClass::OutputUnwritable, message)
-        })?;
         let artifact = Artifact { path: path.to_owned(), bytes: bytes.len() as u64, blake3: Digest::of_bytes(bytes) };
-        self.artifacts.lock().unwrap_or_else(std::sync::PoisonError::into_inner).push(artifact);
+        if self.existing == Existing::Verify {
+            self.verify(&artifact)?;
+        } else {
+            self.go_on()?;
+            door::replace(self.io, path, Durable::Yes, &mut |out| out.write_all(bytes)).map_err(|e| {
+                let message = format!("cannot write {}: {}", path.display(), plain(&e));
+                NodeError::new(ErrorClass::OutputUnwritable, message)
+            })?;
+        }
+        self.artifacts.lock().unwrap_or_else(PoisonError::into_inner).push(artifact);
         Ok(())
+    }
+
+    fn verify(&self, artifact: &Artifact) -> Result<(), NodeError> {
+        let path = &artifact.path;
+        let found = match door::digest(self.io, path) {
+            Ok(digest) if digest == artifact.blake3 => return Ok(()),
+            Ok(_) => format!("{} is not what this graph writes there", path.display()),
+            Err(error) => cannot_read(path, &error),
+        };
+        Err(NodeError::new(ErrorClass::OutputDiffers, found).hint("run without --existing verify to write it"))
     }
 
     /// Says how far the node is, 0..=1. An error means stop; pass it on.
@@ -142,8 +153,4 @@ pub(crate) fn cannot_read(path: &Path, error: &std::io::Error) -> String {
         std::io::ErrorKind::NotFound => format!("{} does not exist", path.display()),
         _ => format!("cannot read {}: {}", path.display(), plain(error)),
     }
-}
-
-fn megabytes(bytes: impl Into<u128>) -> String {
-    format!("{:.1} MB", bytes.into() as f64 / 1e6)
 }

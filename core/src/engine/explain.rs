@@ -1,27 +1,23 @@
-//! Why a pair ran: what it was made of now, against what it was made of last time.
+//! Why a pair ran, or would: what it is made of now, against what it was made of last time.
 //!
-//! The journal of last times is advisory. It enters no key; without it the texts alone are poorer.
+//! Last times lie in a journal, a page per graph and frame. It is advisory and enters no key; without it the texts
+//! alone are poorer.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::path::PathBuf;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value as Json;
 
+use super::disk::{DiskTier, Table};
 use super::pairs::{Pair, Pairs};
-use super::report::{Reason, Status, Why};
-use super::schedule::PairState;
+use super::report::{Reason, Why};
+use super::resolve::Params;
+use super::store::Record;
 use crate::graph::plan::{Plan, PlanNode};
 use crate::schema::{Access, Shape};
-use crate::value::Digest;
-
-/// What a pair's key was made of.
-pub(crate) struct Evidence {
-    pub params: serde_json::Map<String, Json>,
-    /// Per slot, per request: digest of the part that is read.
-    pub inputs: Vec<Vec<Digest>>,
-    pub files: Vec<(PathBuf, Digest)>,
-}
+use crate::value::{Digest, Hasher};
 
 /// Why a sink whose key was known ran all the same.
 pub(crate) enum Trigger {
@@ -29,95 +25,234 @@ pub(crate) enum Trigger {
     OutputChanged(PathBuf),
 }
 
-/// What the pairs of a graph were made of when they were last resolved.
-#[derive(Clone, Default, Serialize, Deserialize)]
-#[serde(transparent)]
-pub(crate) struct Journal(HashMap<String, Entry>);
+/// What became of a pair, or would.
+#[derive(Clone, Copy, PartialEq)]
+pub(crate) enum Outcome {
+    /// It ran, or tried to.
+    Ran,
+    /// Its result was known and its bytes were not kept.
+    Recomputed,
+    /// It did not run.
+    Stood,
+}
 
+/// What is known of a pair.
+pub(crate) struct Facts<'a> {
+    pub outcome: Outcome,
+    /// None while an input is not known.
+    pub key: Option<Digest>,
+    pub record: Option<&'a Record>,
+    pub files: &'a [(PathBuf, Digest)],
+    pub trigger: Option<&'a Trigger>,
+}
+
+/// A run, or one that might be.
+pub(crate) struct Course<'a> {
+    pub plan: &'a Plan,
+    pub pairs: &'a Pairs,
+    pub facts: &'a dyn Fn(usize) -> Facts<'a>,
+}
+
+/// What a pair was made of when it was last resolved.
 #[derive(Clone, Serialize, Deserialize)]
 struct Entry {
-    key: Digest,
+    key: Option<Digest>,
     node_type: String,
     version: u32,
-    params: serde_json::Map<String, Json>,
-    /// Per connection: port, source and output, digests.
-    inputs: Vec<(String, String, Vec<Digest>)>,
+    params: Params,
+    /// Per connection: port, source and output, digests where they are known.
+    inputs: Vec<(String, String, Vec<Option<Digest>>)>,
     files: Vec<(PathBuf, Digest)>,
 }
 
-fn name(node: &PlanNode, frame: Option<i64>) -> String {
-    match frame {
-        Some(frame) => format!("{}@{frame}", node.id),
-        None => node.id.to_string(),
-    }
+type Entries = HashMap<String, Entry>;
+
+/// The pages read so far.
+#[derive(Default)]
+pub(crate) struct Journal {
+    pages: Mutex<HashMap<Digest, Page>>,
+}
+
+#[derive(Clone, Default)]
+struct Page {
+    /// Digest of the names and keys on it.
+    fingerprint: Option<Digest>,
+    entries: Arc<Entries>,
+}
+
+/// A page in the making.
+struct Draft {
+    hasher: blake3::Hasher,
+    /// Whether something on it needs a reason.
+    asks: bool,
+    page: Option<Page>,
 }
 
 impl Journal {
-    /// The reason of every pair that ran, and the journal brought up to date.
-    pub fn explain(&mut self, plan: &Plan, pairs: &Pairs, states: &[PairState]) -> Vec<Option<Why>> {
-        let mut changes: Vec<Option<Why>> = (0..states.len()).map(|_| None).collect();
-        let mut reasons: Vec<Option<Why>> = (0..states.len()).map(|_| None).collect();
-        for at in pairs.in_order(plan) {
-            let (pair, state) = (&pairs.list[at], &states[at]);
-            let node = &plan.nodes[pair.node];
-            let (Some(key), Some(evidence)) = (state.key, &state.evidence) else { continue };
-            let now = Entry {
-                key,
-                node_type: node.node_type.name.clone(),
-                version: node.node_type.version,
-                params: evidence.params.clone(),
-                inputs: connections(plan, node, evidence),
-                files: evidence.files.clone(),
-            };
-            let name = name(node, pair.request.frame);
-            let before = match state.record {
-                Some(_) => self.0.insert(name, now.clone()),
-                None => self.0.get(&name).cloned(),
-            };
-            changes[at] = match &before {
-                None => {
-                    let text = format!("`{}` runs here for the first time", node.id);
-                    Some(plain(plan, pair.node, None, Reason::FirstRun, text))
+    /// The reason of every pair that ran; then the journal is brought up to date.
+    pub fn record(&self, course: &Course, disk: Option<&DiskTier>) -> Vec<Option<Why>> {
+        let mut drafts = self.open(course, disk, |pages, name| pages.remove(name));
+        let reasons = reasons(course, &mut drafts);
+        let mut pages = self.pages.lock().unwrap_or_else(PoisonError::into_inner);
+        for (frame, draft) in drafts {
+            let Some(mut page) = draft.page else { continue };
+            let fingerprint = Digest(*draft.hasher.finalize().as_bytes());
+            page.fingerprint = Some(fingerprint);
+            let name = page_name(course.plan, frame);
+            if let Some(disk) = disk {
+                let mut bytes = fingerprint.0.to_vec();
+                if serde_json::to_writer(&mut bytes, &*page.entries).is_ok() {
+                    disk.save_bytes(Table::Journal, &name, &bytes);
                 }
-                Some(before) if before.key == key => None,
-                Some(before) => Some(
-                    own_change(plan, pair, before, &now, &changes)
-                        .or_else(|| inherited(pair, before, &now, &changes))
-                        .unwrap_or_else(|| rewired(plan, pair.node, before, &now)),
-                ),
-            };
-            reasons[at] = match state.status {
-                Some(Status::Executed | Status::Failed) => {
-                    let text = format!("the record of `{}` is gone from the cache", node.id);
-                    let reason = triggered(plan, pair.node, state).or_else(|| changes[at].clone());
-                    Some(reason.unwrap_or_else(|| plain(plan, pair.node, None, Reason::Evicted, text)))
+                if frame.is_some() {
+                    // There may be thousands of frames, and they can be read again.
+                    page.entries = Arc::default();
                 }
-                Some(Status::Recomputed) => {
-                    let text = format!("the result of `{}` is known, but its bytes were not kept", node.id);
-                    Some(plain(plan, pair.node, None, Reason::NotKept, text))
-                }
-                _ => None,
-            };
+            }
+            pages.insert(name, page);
         }
-        let known: std::collections::HashSet<&str> = plan.nodes.iter().map(|node| &*node.id).collect();
-        self.0.retain(|name, _| known.contains(name.split('@').next().unwrap_or_default()));
         reasons
+    }
+
+    /// The reason of every pair that would run or be computed again. The journal stays as it is.
+    pub fn foresee(&self, course: &Course, disk: Option<&DiskTier>) -> Vec<Option<Why>> {
+        reasons(course, &mut self.open(course, disk, |pages, name| pages.get(name).cloned()))
+    }
+
+    /// The pages that pairs of the course stand on, read as far as something on them changed.
+    fn open(
+        &self,
+        course: &Course,
+        disk: Option<&DiskTier>,
+        take: impl Fn(&mut HashMap<Digest, Page>, &Digest) -> Option<Page>,
+    ) -> BTreeMap<Option<i64>, Draft> {
+        let mut drafts = sketch(course);
+        let mut pages = self.pages.lock().unwrap_or_else(PoisonError::into_inner);
+        for (&frame, draft) in &mut drafts {
+            let name = page_name(course.plan, frame);
+            let fingerprint = Digest(*draft.hasher.finalize().as_bytes());
+            let stands = |page: &Page| page.fingerprint == Some(fingerprint) && !draft.asks;
+            if pages.get(&name).is_some_and(stands) {
+                continue;
+            }
+            let page = take(&mut pages, &name).filter(|page| !page.entries.is_empty());
+            let page = page.or_else(|| {
+                let bytes = disk?.load(Table::Journal, &name)?;
+                let (written, json) = bytes.split_at_checked(32)?;
+                let mut page = Page { fingerprint: written.try_into().ok().map(Digest), entries: Arc::default() };
+                // One that stands is not read any further.
+                if !stands(&page) {
+                    page.entries = Arc::new(serde_json::from_slice(json).ok()?);
+                }
+                Some(page)
+            });
+            match page {
+                Some(page) if stands(&page) => _ = pages.insert(name, page),
+                page => draft.page = Some(page.unwrap_or_default()),
+            }
+        }
+        drafts
     }
 }
 
-fn connections(plan: &Plan, node: &PlanNode, evidence: &Evidence) -> Vec<(String, String, Vec<Digest>)> {
-    let slots = node.slots.iter().zip(&evidence.inputs);
-    slots
-        .map(|(slot, digests)| {
-            let source = &plan.nodes[slot.source];
-            let output = source.node_type.outputs[slot.output].name;
-            (slot.port.clone(), format!("{}.{output}", source.id), digests.clone())
-        })
-        .collect()
+/// What stands on which page, as digests of names and keys.
+fn sketch(course: &Course) -> BTreeMap<Option<i64>, Draft> {
+    let mut drafts: BTreeMap<Option<i64>, Draft> = BTreeMap::new();
+    for &at in &course.pairs.order {
+        let (pair, facts) = (&course.pairs.list[at], (course.facts)(at));
+        let draft = drafts.entry(pair.request.frame).or_insert_with(|| Draft {
+            hasher: blake3::Hasher::new(),
+            asks: false,
+            page: None,
+        });
+        draft.asks |= facts.outcome != Outcome::Stood;
+        if let (Some(key), Some(_)) = (facts.key, facts.record) {
+            let id = course.plan.nodes[pair.node].id.as_bytes();
+            draft.hasher.update(&(id.len() as u64).to_le_bytes()).update(id).update(&key.0);
+        }
+    }
+    drafts
+}
+
+fn page_name(plan: &Plan, frame: Option<i64>) -> Digest {
+    let mut hasher = Hasher::new("journal");
+    hasher.text(&plan.graph.to_string_lossy()).int(frame.map_or(i128::MIN, i128::from));
+    hasher.finish()
+}
+
+/// The reasons; the pages are brought up to date on the way.
+fn reasons(course: &Course, drafts: &mut BTreeMap<Option<i64>, Draft>) -> Vec<Option<Why>> {
+    let plan = course.plan;
+    let mut changes: Vec<Option<Why>> = vec![None; course.pairs.list.len()];
+    let mut reasons: Vec<Option<Why>> = vec![None; course.pairs.list.len()];
+    for &at in &course.pairs.order {
+        let pair = &course.pairs.list[at];
+        let Some(page) = drafts.get_mut(&pair.request.frame).and_then(|draft| draft.page.as_mut()) else { continue };
+        let (node, facts) = (&plan.nodes[pair.node], (course.facts)(at));
+        let before = page.entries.get(&*node.id);
+        if before.is_none_or(|before| before.key.is_none() || before.key != facts.key) {
+            let now = entry(course, at, &facts);
+            changes[at] = Some(match before {
+                None => {
+                    let text = format!("`{}` runs here for the first time", node.id);
+                    plain(plan, pair.node, None, Reason::FirstRun, text)
+                }
+                Some(before) => own_change(plan, pair, before, &now, &changes)
+                    .or_else(|| inherited(pair, before, &now, &changes))
+                    .unwrap_or_else(|| rewired(plan, pair.node, before, &now)),
+            });
+            if facts.record.is_some() {
+                Arc::make_mut(&mut page.entries).insert(node.id.to_string(), now);
+            }
+        }
+        reasons[at] = match facts.outcome {
+            Outcome::Stood => None,
+            Outcome::Ran => {
+                let text = format!("the record of `{}` is gone from the cache", node.id);
+                let reason = triggered(plan, pair.node, facts.trigger).or_else(|| changes[at].clone());
+                Some(reason.unwrap_or_else(|| plain(plan, pair.node, None, Reason::Evicted, text)))
+            }
+            Outcome::Recomputed => {
+                let text = format!("the result of `{}` is known, but its bytes were not kept", node.id);
+                Some(plain(plan, pair.node, None, Reason::NotKept, text))
+            }
+        };
+    }
+    let known: std::collections::HashSet<&str> = plan.nodes.iter().map(|node| &*node.id).collect();
+    for page in drafts.values_mut().filter_map(|draft| draft.page.as_mut()) {
+        if page.entries.keys().any(|name| !known.contains(&**name)) {
+            Arc::make_mut(&mut page.entries).retain(|name, _| known.contains(&**name));
+        }
+    }
+    reasons
+}
+
+/// What a pair is made of now, as far as that is known.
+fn entry(course: &Course, at: usize, facts: &Facts) -> Entry {
+    let (pair, plan) = (&course.pairs.list[at], course.plan);
+    let node = &plan.nodes[pair.node];
+    let outline = |from: usize, output: usize| (course.facts)(from).record.map(|record| &record.outputs[output]);
+    let links = pair.links.iter().zip(&node.links);
+    let links: Vec<Option<f64>> = links.map(|(&from, &(_, output))| outline(from, output)?.number).collect();
+    let slots = node.slots.iter().zip(&pair.slots);
+    let inputs = slots.map(|(slot, from)| {
+        let source = &plan.nodes[slot.source];
+        let output = source.node_type.outputs[slot.output].name;
+        let digests = from.iter().map(|&from| Some(outline(from, slot.output)?.part(&slot.reads)));
+        (slot.port.clone(), format!("{}.{output}", source.id), digests.collect())
+    });
+    Entry {
+        key: facts.key,
+        node_type: node.node_type.name.clone(),
+        version: node.node_type.version,
+        params: plan.params_at(pair.node, pair.request.frame, &links).unwrap_or_else(|_| node.params.json.clone()),
+        inputs: inputs.collect(),
+        files: facts.files.to_vec(),
+    }
 }
 
 /// A reason at a node, or at one of its parameters.
-fn plain(plan: &Plan, index: usize, param: Option<&str>, code: Reason, text: String) -> Why {
+pub(crate) fn plain(plan: &Plan, index: usize, param: Option<&str>, code: Reason, text: String) -> Why {
     let node = &plan.nodes[index];
     let at = Some(plan.place(index, param).to_string());
     Why { param: param.map(str::to_owned), code, node: node.id.to_string(), old: None, new: None, at, text }
@@ -148,15 +283,20 @@ fn own_change(plan: &Plan, pair: &Pair, before: &Entry, now: &Entry, changes: &[
         }
     }
     let ((path, new), (_, old)) = now.files.iter().zip(&before.files).find(|(new, old)| new.1 != old.1)?;
-    let param = node.params.paths.iter().find(|(_, access)| *access == Access::Read).map(|(name, _)| name.as_str());
+    let param = read_param(node);
     let why = plain(plan, index, param, Reason::File, format!("{} has other content", path.display()));
     Some(Why { old: Some(old.hex().into()), new: Some(new.hex().into()), ..why })
 }
 
-/// The change of the first input that changed, unless it is another input altogether.
+fn read_param(node: &PlanNode) -> Option<&str> {
+    node.params.paths.iter().find(|(_, access)| *access == Access::Read).map(|(name, _)| name.as_str())
+}
+
+/// The change of the first input that changed, or may, unless it is another input altogether.
 fn inherited(pair: &Pair, before: &Entry, now: &Entry, changes: &[Option<Why>]) -> Option<Why> {
     for ((slot, new), old) in pair.slots.iter().zip(&now.inputs).zip(&before.inputs) {
-        let changed = slot.iter().enumerate().find(|(answer, _)| old.2.get(*answer) != new.2.get(*answer));
+        let differs = |answer: usize| new.2[answer].is_none() || old.2.get(answer) != new.2.get(answer);
+        let changed = slot.iter().enumerate().find(|(answer, _)| differs(*answer));
         if let Some((_, &from)) = changed {
             return if old.1 == new.1 { changes[from].clone() } else { None };
         }
@@ -175,8 +315,8 @@ fn rewired(plan: &Plan, index: usize, before: &Entry, now: &Entry) -> Why {
     Why { old: source(before).map(Json::from), new: source(now).map(Json::from), ..why }
 }
 
-fn triggered(plan: &Plan, index: usize, state: &PairState) -> Option<Why> {
-    let (code, text) = match state.trigger.as_ref()? {
+fn triggered(plan: &Plan, index: usize, trigger: Option<&Trigger>) -> Option<Why> {
+    let (code, text) = match trigger? {
         Trigger::OutputMissing(path) => (Reason::OutputMissing, format!("{} is not there any more", path.display())),
         Trigger::OutputChanged(path) => {
             (Reason::OutputChanged, format!("{} is no longer what `{}` wrote", path.display(), plan.nodes[index].id))

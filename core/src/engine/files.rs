@@ -7,8 +7,8 @@ use std::sync::Mutex;
 
 use serde::{Deserialize, Serialize};
 
-use super::disk::DiskTier;
-use super::io::{Io, Stat, now};
+use super::disk::{DiskTier, Table};
+use super::io::{self as door, Io, Stat, now};
 use crate::value::{Digest, Hasher};
 
 /// A file's times may lag behind its content by this much; a memo made sooner after a change proves nothing.
@@ -39,24 +39,24 @@ pub(crate) struct FileMemos {
 impl FileMemos {
     /// Digest of the content that is at `path` now.
     pub fn digest(&self, path: &Path, io: &dyn Io, disk: Option<&DiskTier>) -> io::Result<Digest> {
-        let stat = io.stat(path)?;
+        let stat = door::stat(io, path)?;
         let lock = || self.memory.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
         let known = lock().get(path).copied();
         if let Some(memo) = known.filter(|memo| memo.holds(&stat)) {
             return Ok(memo.digest);
         }
         let name = Hasher::new("file").text(&path.to_string_lossy()).finish();
-        if let Some(memo) = disk.and_then(|disk| disk.load_json::<Memo>("files", &name)).filter(|m| m.holds(&stat)) {
+        if let Some(memo) = disk.and_then(|disk| disk.load_json::<Memo>(Table::Files, &name)).filter(|m| m.holds(&stat)) {
             lock().insert(path.to_owned(), memo);
             return Ok(memo.digest);
         }
         let made = now();
-        let digest = io.digest(path)?;
+        let digest = door::digest(io, path)?;
         let memo = Memo { stat, made, digest };
         // A file that was written meanwhile has another stat now, so the memo cannot be taken for its new content.
         lock().insert(path.to_owned(), memo);
         if let Some(disk) = disk.filter(|_| memo.holds(&stat)) {
-            disk.save_json("files", &name, &memo);
+            disk.save_json(Table::Files, &name, &memo);
         }
         Ok(digest)
     }

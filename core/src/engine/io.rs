@@ -1,7 +1,9 @@
-//! The door to the file system, so that tests can break it at will.
+//! The door to the file system, so that tests can break it at will, and what is built on it.
 
-use std::io;
+use std::ffi::OsString;
+use std::io::{self, BufWriter, ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{SystemTime, UNIX_EPOCH};
 
@@ -24,58 +26,87 @@ pub struct Stat {
     pub device: u64,
 }
 
-/// Everything the engine asks of a file system.
+/// Everything the engine asks of a file system, one operation each.
 pub trait Io: Send + Sync {
     /// What there is at `path`; anything but a regular file is an error.
     fn stat(&self, path: &Path) -> io::Result<Stat>;
-    /// The whole content.
-    fn read(&self, path: &Path) -> io::Result<Vec<u8>>;
-    /// Digest of the whole content.
-    fn digest(&self, path: &Path) -> io::Result<Digest> {
-        Ok(Digest::of_bytes(&self.read(path)?))
-    }
-    /// Writes a file whole or not at all: a temporary file in the same folder, then a rename. Makes missing folders.
-    fn write(&self, path: &Path, bytes: &[u8]) -> io::Result<()>;
+    /// Opens a regular file for reading.
+    fn open(&self, path: &Path) -> io::Result<Box<dyn Read + Send>>;
+    /// Makes a file that is not there yet.
+    fn create(&self, path: &Path) -> io::Result<Box<dyn NewFile>>;
+    /// Gives a file another name, in the place of whatever has it.
+    fn rename(&self, from: &Path, to: &Path) -> io::Result<()>;
     /// Removes a file.
     fn remove(&self, path: &Path) -> io::Result<()>;
+    /// Makes a folder and those above it; it may be there already.
+    fn make_folder(&self, path: &Path) -> io::Result<()>;
+    /// Names of what is in a folder.
+    fn list(&self, folder: &Path) -> io::Result<Vec<OsString>>;
+    /// Says that a file was used: sets its times to now, by the clock of its file system.
+    fn touch(&self, path: &Path) -> io::Result<()>;
+}
+
+/// A file that is being written.
+pub trait NewFile: Write + Send {
+    /// Waits until all of it is on the disk. Some file systems tell only now that they have no room for it.
+    fn sync(&mut self) -> io::Result<()>;
 }
 
 /// The real file system.
 pub struct Disk;
 
+impl NewFile for std::fs::File {
+    fn sync(&mut self) -> io::Result<()> {
+        self.sync_data()
+    }
+}
+
 impl Io for Disk {
     fn stat(&self, path: &Path) -> io::Result<Stat> {
         let metadata = std::fs::metadata(path)?;
         if !metadata.is_file() {
-            return Err(io::Error::new(io::ErrorKind::InvalidInput, "it is not a regular file"));
+            return Err(io::Error::new(ErrorKind::InvalidInput, "it is not a regular file"));
         }
         Ok(stat_of(&metadata))
     }
 
-    fn read(&self, path: &Path) -> io::Result<Vec<u8>> {
+    fn open(&self, path: &Path) -> io::Result<Box<dyn Read + Send>> {
+        // To open a pipe or a device may wait for ever.
         self.stat(path)?;
-        std::fs::read(path)
+        Ok(Box::new(std::fs::File::open(path)?))
     }
 
-    fn digest(&self, path: &Path) -> io::Result<Digest> {
-        self.stat(path)?;
-        let mut hasher = blake3::Hasher::new();
-        hasher.update_reader(std::fs::File::open(path)?)?;
-        Ok(Digest(*hasher.finalize().as_bytes()))
+    fn create(&self, path: &Path) -> io::Result<Box<dyn NewFile>> {
+        Ok(Box::new(std::fs::File::create_new(path)?))
     }
 
-    fn write(&self, path: &Path, bytes: &[u8]) -> io::Result<()> {
-        let folder = path.parent().unwrap_or(Path::new("."));
-        std::fs::create_dir_all(folder)?;
-        let temporary = temporary_beside(path);
-        std::fs::write(&temporary, bytes).and_then(|()| std::fs::rename(&temporary, path)).inspect_err(|_| {
-            // The write has failed already; what is left of it is removed as far as that goes.
-            let _ = std::fs::remove_file(&temporary);
-        })
+    fn rename(&self, from: &Path, to: &Path) -> io::Result<()> {
+        std::fs::rename(from, to)
     }
 
     fn remove(&self, path: &Path) -> io::Result<()> {
         std::fs::remove_file(path)
+    }
+
+    fn make_folder(&self, path: &Path) -> io::Result<()> {
+        std::fs::create_dir_all(path)
+    }
+
+    fn list(&self, folder: &Path) -> io::Result<Vec<OsString>> {
+        std::fs::read_dir(folder)?.map(|entry| Ok(entry?.file_name())).collect()
+    }
+
+    #[cfg(unix)]
+    fn touch(&self, path: &Path) -> io::Result<()> {
+        use rustix::fs::{AtFlags, CWD, Timespec, Timestamps, UTIME_NOW, utimensat};
+        let now = Timespec { tv_sec: 0, tv_nsec: UTIME_NOW };
+        let times = Timestamps { last_access: now, last_modification: now };
+        Ok(utimensat(CWD, path, &times, AtFlags::empty())?)
+    }
+
+    #[cfg(not(unix))]
+    fn touch(&self, path: &Path) -> io::Result<()> {
+        std::fs::File::options().write(true).open(path)?.set_modified(SystemTime::now())
     }
 }
 
@@ -101,17 +132,177 @@ fn stat_of(metadata: &std::fs::Metadata) -> Stat {
     Stat { size: metadata.len(), modified, changed: modified.max(since(metadata.created())), inode: 0, device: 0 }
 }
 
-/// A name no other process and no other thread of this one uses.
-fn temporary_beside(path: &Path) -> PathBuf {
-    static COUNTER: AtomicU64 = AtomicU64::new(0);
-    let count = COUNTER.fetch_add(1, Ordering::Relaxed);
-    let name = path.file_name().unwrap_or_default().to_string_lossy();
-    path.with_file_name(format!(".{name}.{}-{count}-{:x}.tmp", std::process::id(), now() as u64))
+/// Does it again while a signal comes between.
+pub(crate) fn persist<T>(mut operation: impl FnMut() -> io::Result<T>) -> io::Result<T> {
+    loop {
+        match operation() {
+            Err(error) if error.kind() == ErrorKind::Interrupted => {}
+            ended => return ended,
+        }
+    }
 }
 
-/// Nanoseconds since 1970.
+/// What there is at `path`.
+pub(crate) fn stat(io: &dyn Io, path: &Path) -> io::Result<Stat> {
+    persist(|| io.stat(path))
+}
+
+/// A regular file and its size.
+pub(crate) fn open(io: &dyn Io, path: &Path) -> io::Result<(Box<dyn Read + Send>, u64)> {
+    let size = stat(io, path)?.size;
+    Ok((persist(|| io.open(path))?, size))
+}
+
+/// The whole content of a file.
+pub(crate) fn read(io: &dyn Io, path: &Path) -> io::Result<Vec<u8>> {
+    let (mut file, size) = open(io, path)?;
+    let mut bytes = Vec::new();
+    bytes.try_reserve_exact(usize::try_from(size).unwrap_or(usize::MAX).saturating_add(1))?;
+    file.read_to_end(&mut bytes)?;
+    Ok(bytes)
+}
+
+/// Digest of the whole content of a file.
+pub(crate) fn digest(io: &dyn Io, path: &Path) -> io::Result<Digest> {
+    let (file, _) = open(io, path)?;
+    let mut hasher = blake3::Hasher::new();
+    hasher.update_reader(file)?;
+    Ok(Digest(*hasher.finalize().as_bytes()))
+}
+
+/// Removes a file; that it is not there is as good.
+pub(crate) fn remove(io: &dyn Io, path: &Path) -> io::Result<()> {
+    match persist(|| io.remove(path)) {
+        Err(error) if error.kind() == ErrorKind::NotFound => Ok(()),
+        ended => ended,
+    }
+}
+
+/// How sure a file must be on the disk before it gets its name.
+#[derive(Clone, Copy, PartialEq)]
+pub(crate) enum Durable {
+    /// It is checked when read.
+    No,
+    /// Nobody will check it.
+    Yes,
+}
+
+/// Writes a file whole or not at all, in the place of whatever has its name: a temporary file in the same folder,
+/// then a rename. Makes missing folders. Whatever goes wrong, the temporary file is removed.
+pub(crate) fn replace(
+    io: &dyn Io,
+    path: &Path,
+    durable: Durable,
+    content: &mut dyn FnMut(&mut dyn Write) -> io::Result<()>,
+) -> io::Result<()> {
+    let folder = path.parent().unwrap_or(Path::new("."));
+    let temporary = folder.join(Temporary::new_name());
+    let file = persist(|| io.create(&temporary)).or_else(|error| match error.kind() {
+        ErrorKind::NotFound => {
+            persist(|| io.make_folder(folder))?;
+            persist(|| io.create(&temporary))
+        }
+        _ => Err(error),
+    })?;
+    let written = fill(file, durable, content).and_then(|()| persist(|| io.rename(&temporary, path)));
+    written.inspect_err(|_| {
+        // The write has failed already; what is left of it is removed as far as that goes.
+        let _ = remove(io, &temporary);
+    })
+}
+
+fn fill(
+    file: Box<dyn NewFile>,
+    durable: Durable,
+    content: &mut dyn FnMut(&mut dyn Write) -> io::Result<()>,
+) -> io::Result<()> {
+    let mut out = BufWriter::with_capacity(1 << 16, file);
+    content(&mut out)?;
+    let mut file = out.into_inner().map_err(io::IntoInnerError::into_error)?;
+    if durable == Durable::Yes { persist(|| file.sync()) } else { Ok(()) }
+}
+
+/// Whose temporary file it is: its name tells the machine and the process.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Temporary {
+    host: u64,
+    process: u32,
+}
+
+impl Temporary {
+    /// A name no other process on any machine and no other thread of this one uses.
+    fn new_name() -> String {
+        static COUNTER: AtomicU64 = AtomicU64::new(0);
+        let count = COUNTER.fetch_add(1, Ordering::Relaxed);
+        format!(".warploom-{:x}-{}-{count}-{:x}.tmp", host(), std::process::id(), now() as u64)
+    }
+
+    /// The owner of a temporary file; `None` of any other file.
+    pub fn of(name: &str) -> Option<Self> {
+        let mut parts = name.strip_prefix(".warploom-")?.strip_suffix(".tmp")?.split('-');
+        let host = u64::from_str_radix(parts.next()?, 16).ok()?;
+        Some(Self { host, process: parts.next()?.parse().ok()? })
+    }
+
+    /// Whether its process is known to have ended: one of another machine, or of a container of its own, is not.
+    pub fn is_orphan(&self) -> bool {
+        self.host == host() && host() != 0 && !is_running(self.process)
+    }
+}
+
+#[cfg(unix)]
+fn is_running(process: u32) -> bool {
+    use rustix::process::{Pid, test_kill_process};
+    let Some(pid) = i32::try_from(process).ok().and_then(Pid::from_raw) else { return false };
+    // Whoever may not signal it is told otherwise than whoever asks for one that is gone.
+    test_kill_process(pid) != Err(rustix::io::Errno::SRCH)
+}
+
+#[cfg(not(unix))]
+fn is_running(_: u32) -> bool {
+    true
+}
+
+/// A number of this machine since it started, and of the container whose process numbers are ours; 0 if unknown.
+fn host() -> u64 {
+    static HOST: OnceLock<u64> = OnceLock::new();
+    *HOST.get_or_init(|| {
+        let Ok(boot) = std::fs::read_to_string("/proc/sys/kernel/random/boot_id") else { return 0 };
+        let processes = std::fs::read_link("/proc/self/ns/pid").unwrap_or_default();
+        let digest = Digest::of_bytes(format!("{boot}{}", processes.display()).as_bytes());
+        let [a, b, c, d, e, f, g, h, ..] = digest.0;
+        u64::from_le_bytes([a, b, c, d, e, f, g, h]).max(1)
+    })
+}
+
+/// Removes temporary files that processes of this machine left in `folder` when they were killed.
+pub(crate) fn sweep(io: &dyn Io, folder: &Path) {
+    // What cannot be listed or removed is no worse than before.
+    for name in persist(|| io.list(folder)).unwrap_or_default() {
+        if name.to_str().and_then(Temporary::of).is_some_and(|temporary| temporary.is_orphan()) {
+            let _ = remove(io, &folder.join(name));
+        }
+    }
+}
+
+/// The time by the clock of the file system that `folder` lies in, nanoseconds since 1970: a machine's own clock may
+/// be days off.
+pub(crate) fn clock_of(io: &dyn Io, folder: &Path) -> io::Result<i128> {
+    let probe: PathBuf = folder.join(Temporary::new_name());
+    drop(persist(|| io.create(&probe))?);
+    let time = stat(io, &probe).map(|stat| stat.modified);
+    remove(io, &probe)?;
+    time
+}
+
+/// Nanoseconds since 1970 by this machine's clock.
 pub(crate) fn now() -> i128 {
     SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |d| d.as_nanos() as i128)
+}
+
+/// Writes a file whole or not at all, for good. Makes missing folders.
+pub fn write_file(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    replace(&Disk, path, Durable::Yes, &mut |out| out.write_all(bytes))
 }
 
 /// An I/O error without the number at its end.

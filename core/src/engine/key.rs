@@ -8,58 +8,65 @@ use crate::schema::{Access, Shape};
 use crate::value::{Digest, Hasher};
 
 /// Raised when keys are made differently: old records are then not found.
-const FORMAT: i128 = 1;
+const FORMAT: i128 = 2;
 
-/// What a pair's result is a function of.
-pub(crate) struct Action<'a> {
-    pub node: &'a PlanNode,
-    pub request: &'a Request,
-    /// Parameters at the frame.
-    pub params: &'a serde_json::Map<String, Json>,
-    /// Per slot, per request made of it: digest of the part the port reads.
-    pub inputs: &'a [Vec<Digest>],
-    /// Content digest per file that is read, in the order of path parameters.
-    pub files: &'a [Digest],
+type Params = serde_json::Map<String, Json>;
+
+/// Digest of what a node is without its inputs: type, version, parameters, and which ports are connected. Names and
+/// order of nodes, comments and thread counts do not enter.
+pub(crate) fn recipe(node: &PlanNode, params: &Params) -> Digest {
+    let node_type = &node.node_type;
+    let mut hasher = Hasher::new("recipe");
+    hasher.int(FORMAT).text(&node_type.name).int(node_type.version.into());
+    if node_type.cpu_family {
+        hasher.text("cpu").text(cpu_family());
+    }
+    for param in &node_type.params {
+        hasher.text(&param.name);
+        match &param.shape {
+            Shape::Port(_) => {
+                hasher.int(node.slots.iter().filter(|slot| slot.port == param.name).count() as i128);
+            }
+            // Its content enters the key.
+            Shape::Text(Some(Access::Read)) => {}
+            _ => hash_json(&mut hasher, &params[&param.name]),
+        }
+    }
+    hasher.finish()
 }
 
-impl Action<'_> {
-    /// The key. Names and order of nodes, comments and thread counts do not enter; the frame enters only where the
-    /// node type itself reads it.
-    pub fn key(&self) -> Digest {
-        let node_type = &self.node.node_type;
-        let mut hasher = Hasher::new("action");
-        hasher.int(FORMAT).text(&node_type.name).int(node_type.version.into());
-        if node_type.cpu_family {
-            hasher.text("cpu").text(cpu_family());
-        }
-        if node_type.reads_frame {
-            hasher.text("frame").int(self.request.frame.map_or(i128::MIN, i128::from));
-        }
-        hasher.int(self.request.scale.into());
-        if let Some(region) = &self.request.region {
-            hasher.text("region");
+/// The action key of a pair: its node's recipe, what is asked, and digests of what its ports and files give. The frame
+/// enters only where the node type itself reads it.
+pub(crate) struct Key(Vec<u8>);
+
+impl Key {
+    pub fn new(node: &PlanNode, recipe: &Digest, request: &Request) -> Self {
+        let mut key = Self(Vec::with_capacity(256));
+        key.0.extend_from_slice(&recipe.0);
+        let frame = request.frame.filter(|_| node.node_type.reads_frame);
+        key.0.push(u8::from(frame.is_some()) + 2 * u8::from(request.region.is_some()));
+        key.0.extend_from_slice(&frame.unwrap_or_default().to_le_bytes());
+        key.0.extend_from_slice(&request.scale.to_le_bytes());
+        if let Some(region) = &request.region {
+            let mut hasher = Hasher::new("region");
             region.hash_into(&mut hasher);
+            key.digest(&hasher.finish());
         }
-        let mut files = self.files.iter();
-        for param in &node_type.params {
-            hasher.text(&param.name);
-            match (&param.shape, &self.params[&param.name]) {
-                (Shape::Port(_), _) => {
-                    let slots = self.node.slots.iter().zip(self.inputs).filter(|(slot, _)| slot.port == param.name);
-                    for (_, answers) in slots {
-                        hasher.int(answers.len() as i128);
-                        answers.iter().for_each(|digest| {
-                            hasher.digest(digest);
-                        });
-                    }
-                }
-                (Shape::Text(Some(Access::Read)), _) => {
-                    hasher.digest(files.next().expect("one digest per path"));
-                }
-                (_, value) => hash_json(&mut hasher, value),
-            }
-        }
-        hasher.finish()
+        key
+    }
+
+    /// How many answers come next.
+    pub fn count(&mut self, count: usize) {
+        self.0.extend_from_slice(&(count as u64).to_le_bytes());
+    }
+
+    /// What an answer or a file is known by.
+    pub fn digest(&mut self, digest: &Digest) {
+        self.0.extend_from_slice(&digest.0);
+    }
+
+    pub fn finish(self) -> Digest {
+        Digest::of_bytes(&self.0)
     }
 }
 

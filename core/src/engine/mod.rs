@@ -4,78 +4,90 @@ mod context;
 mod disk;
 mod explain;
 mod files;
+mod foresee;
 mod io;
 mod key;
+mod memory;
 mod pairs;
 mod report;
+mod resolve;
 mod run;
 mod schedule;
+mod share;
 mod store;
+mod upkeep;
 
-use std::collections::HashMap;
+use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 
 pub use context::{Artifact, Context};
-pub use io::{Disk, Io, Stat, plain};
-pub use report::{From, OutputReport, PairReport, Reason, Report, Status, Why, peak_bytes};
+pub use disk::{CacheCounts, DiskTier};
+pub use foresee::{Explanation, PairVerdict, Verdict};
+pub use io::{Disk, Io, NewFile, Stat, plain, write_file};
+pub(crate) use pairs::Pairs;
+pub use report::{From, OutputReport, PairReport, Reason, Report, Status, Why, peak_bytes, resident_bytes};
 pub use store::StorePolicy;
+pub use upkeep::{CacheStat, CacheWork};
 
-use crate::diag::Fault;
+use crate::diag::{Code, Fault};
 use crate::graph::plan::Plan;
-use crate::value::{Hasher, Value};
-use disk::DiskTier;
-use explain::Journal;
+use crate::node::NodeError;
+use crate::schema::Access;
+use crate::value::{Digest, Value};
+use context::cannot_read;
+use explain::{Course, Facts, Journal, Outcome, Trigger};
 use files::FileMemos;
-use pairs::Pairs;
-use schedule::{PairState, Shared, Worker};
+use memory::Memory;
+use pairs::Pair;
+use schedule::{Shared, State, Worker};
 use store::Store;
 
 /// How an engine is set up.
 pub struct Settings {
     /// Threads that compute; at least 1.
     pub threads: usize,
-    /// Memory budget in bytes: no pair may allocate more, and half of it holds values for reuse.
+    /// Most bytes that values, nodes at work and memory kept ready may take together.
     pub memory: u64,
     /// Folder of the disk tier; none means values live in memory only.
     pub cache: Option<PathBuf>,
+    /// Most bytes that the disk tier may take.
+    pub cache_size: u64,
     /// Which values go to disk.
     pub store: StorePolicy,
     /// The file system.
     pub io: Arc<dyn Io>,
 }
 
+/// Size of the disk tier where none is named.
+pub const DEFAULT_CACHE_SIZE: u64 = 50 << 30;
+
 impl Default for Settings {
     fn default() -> Self {
-        let threads = std::thread::available_parallelism().map_or(1, usize::from);
-        Self { threads, memory: default_memory(), cache: None, store: StorePolicy::Auto, io: Arc::new(Disk) }
+        Self {
+            threads: std::thread::available_parallelism().map_or(1, usize::from),
+            memory: memory::default_room(),
+            cache: None,
+            cache_size: DEFAULT_CACHE_SIZE,
+            store: StorePolicy::Auto,
+            io: Arc::new(Disk),
+        }
     }
 }
 
-/// Three quarters of the memory that this process may use: the machine's, or its container's if that is less.
-fn default_memory() -> u64 {
-    let meminfo = std::fs::read_to_string("/proc/meminfo").unwrap_or_default();
-    let machine = (meminfo.lines().find_map(|line| line.strip_prefix("MemTotal:")))
-        .and_then(|line| line.trim().trim_end_matches("kB").trim().parse::<u64>().ok())
-        .map_or(8 << 30, |kilobytes| kilobytes * 1024);
-    let container = ["/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes"]
-        .iter()
-        .filter_map(|path| std::fs::read_to_string(path).ok()?.trim().parse::<u64>().ok())
-        .fold(machine, u64::min);
-    container / 4 * 3
-}
-
-/// Runs plans and remembers their results. One engine may run several plans at once, from several threads.
+/// Runs plans and remembers their results. One engine may run several plans at once, from several threads; they share
+/// its memory.
 pub struct Engine {
     store: Store,
     files: FileMemos,
     io: Arc<dyn Io>,
     pool: rayon::ThreadPool,
     threads: usize,
-    memory: u64,
-    journals: Mutex<HashMap<PathBuf, Journal>>,
+    journal: Journal,
+    /// Folders of outputs that were cleared of what killed processes left.
+    swept: Mutex<HashSet<PathBuf>>,
 }
 
 /// A flag that stops a run.
@@ -134,7 +146,11 @@ pub enum Event<'a> {
     /// A sink's file is there.
     Output {
         /// The file.
-        artifact: &'a Artifact,
+        path: &'a Path,
+        /// Its size.
+        bytes: u64,
+        /// Digest of its content; none where a file stands that was not looked into.
+        blake3: Option<Digest>,
         /// Whether this run wrote it.
         written: bool,
     },
@@ -159,13 +175,39 @@ impl Observer for () {
     fn event(&self, _: Event<'_>) {}
 }
 
-/// What to do with the values of a node that are handed out: node, frame, one value per output.
-pub type OnValues<'a> = &'a (dyn Fn(usize, Option<i64>, &[Value]) -> Result<(), Fault> + Sync);
+/// Values of a target that are handed out.
+pub struct Delivery<'a> {
+    /// The node.
+    pub node: usize,
+    /// The frame.
+    pub frame: Option<i64>,
+    /// One per output.
+    pub values: &'a [Value],
+    /// To be asked for so many bytes before they are allocated; pass its error on.
+    pub reserve: &'a (dyn Fn(u128) -> Result<(), NodeError> + Sync),
+}
+
+/// What to do with values that are handed out.
+pub type OnValues<'a> = &'a (dyn Fn(Delivery) -> Result<(), Fault> + Sync);
+
+/// What is done where a sink's file is there already.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum Existing {
+    /// It is written again unless it is what would be written.
+    #[default]
+    Overwrite,
+    /// It stands, whatever is in it.
+    Skip,
+    /// It must be what would be written; nothing is written.
+    Verify,
+}
 
 /// How a plan is run.
 pub struct Job<'a> {
     /// Whether new frames start after a fault.
     pub keep_going: bool,
+    /// What is done where a sink's file is there already.
+    pub existing: Existing,
     /// Targets whose values are handed to `on_values`.
     pub deliver: Vec<usize>,
     /// Receives them, from any thread.
@@ -180,8 +222,9 @@ impl Default for Job<'_> {
     fn default() -> Self {
         Self {
             keep_going: false,
+            existing: Existing::Overwrite,
             deliver: Vec::new(),
-            on_values: &|_, _, _| Ok(()),
+            on_values: &|_| Ok(()),
             observer: &(),
             cancel: Cancel::default(),
         }
@@ -193,29 +236,25 @@ impl Engine {
     pub fn new(settings: Settings) -> Self {
         let threads = settings.threads.max(1);
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).thread_name(|i| format!("compute-{i}")).build();
-        let disk = settings.cache.map(|folder| DiskTier::new(&folder, settings.io.clone()));
+        let disk = settings.cache.map(|folder| DiskTier::new(&folder, settings.io.clone(), settings.cache_size));
         Self {
-            store: Store::new(settings.memory / 2, disk, settings.store),
+            store: Store::new(Memory::new(settings.memory), disk, settings.store),
             files: FileMemos::default(),
             io: settings.io,
             pool: pool.expect("the system gives threads"),
             threads,
-            memory: settings.memory,
-            journals: Mutex::default(),
+            journal: Journal::default(),
+            swept: Mutex::default(),
         }
     }
 
     /// Runs the targets of a plan over its frames.
     pub fn run(&self, plan: &Arc<Plan>, job: &Job) -> Report {
         let start = Instant::now();
-        let pairs = Pairs::expand(plan);
-        let frames = pairs.frames.len();
-        job.observer.event(Event::Begun { frames, pairs: pairs.list.len() });
-        let frame_of_target: HashMap<usize, usize> = (pairs.frames.iter().enumerate())
-            .flat_map(|(frame, (_, targets))| targets.iter().map(move |&target| (target, frame)))
-            .collect();
-        let shared = Arc::new(Shared::new(plan.clone(), pairs, &job.deliver));
-        let worker = Worker { engine: self, job, shared: &shared, frame_of_target: &frame_of_target };
+        let pairs = plan.pairs();
+        job.observer.event(Event::Begun { frames: pairs.frames.len(), pairs: pairs.list.len() });
+        let shared = Arc::new(Shared::new(plan.clone(), &job.deliver));
+        let worker = Worker { engine: self, job, shared: &shared, pairs };
         std::thread::scope(|scope| {
             (1..self.threads).for_each(|_| {
                 scope.spawn(|| worker.work());
@@ -223,37 +262,44 @@ impl Engine {
             worker.work();
         });
         Worker::abandon(self, &shared);
-        self.report(plan, job, &shared, start)
+        let mut state = shared.lock();
+        self.report(plan, job, &mut state, start)
     }
 
-    fn report(&self, plan: &Plan, job: &Job, shared: &Shared, start: Instant) -> Report {
-        let mut state = shared.lock();
-        let reasons = self.explain(plan, shared, &state.pairs);
-        let mut nodes = Vec::new();
+    fn report(&self, plan: &Plan, job: &Job, state: &mut State, start: Instant) -> Report {
+        let pairs = plan.pairs();
+        let mut reasons = self.reasons(plan, state);
+        let mut nodes = Vec::with_capacity(pairs.order.len());
         let mut outputs = Vec::new();
-        for at in shared.pairs.in_order(plan) {
-            let (pair, known, why) = (&shared.pairs.list[at], &state.pairs[at], reasons[at].clone());
+        for &at in &pairs.order {
+            let (pair, known) = (&pairs.list[at], &state.pairs[at]);
             let node = &plan.nodes[pair.node];
-            let (status, frame) = (known.status.unwrap_or(Status::Skipped), pair.request.frame);
+            let frame = pair.request.frame;
             let record = known.record.as_deref();
             nodes.push(PairReport {
                 node: node.id.to_string(),
                 node_type: node.node_type.name.clone(),
                 frame,
-                status,
+                status: known.status.unwrap_or(Status::Skipped),
                 from: known.from,
                 seconds: known.seconds,
                 bytes: record.map_or(0, |record| record.outputs.iter().map(|outline| outline.bytes).sum()),
-                why,
+                peak_bytes: known.peak,
+                why: reasons[at].take(),
                 stats: record.map(|record| record.stats.clone()).unwrap_or_default(),
             });
-            outputs.extend(record.iter().flat_map(|record| &record.artifacts).map(|artifact| OutputReport {
+            let written = record.iter().flat_map(|record| &record.artifacts);
+            let written = written.map(|artifact| (&artifact.path, artifact.bytes, Some(artifact.blake3)));
+            let standing = known.standing.iter().map(|(path, bytes)| (path, *bytes, None));
+            outputs.extend(written.chain(standing).map(|(path, bytes, blake3)| OutputReport {
                 node: node.id.to_string(),
                 frame,
-                artifact: artifact.clone(),
+                path: path.clone(),
+                bytes,
+                blake3,
             }));
         }
-        let frames_delivered = shared.pairs.frames.iter().filter(|(_, targets)| state.has_delivered(targets)).count();
+        let frames_delivered = pairs.frames.iter().filter(|(_, targets)| state.has_delivered(targets)).count();
         let mut faults = std::mem::take(&mut state.faults);
         // In frame order, then in graph order, whichever was met first.
         let place = |fault: &Fault| {
@@ -267,6 +313,7 @@ impl Engine {
             frames: plan.frames.clone(),
             seconds: start.elapsed().as_secs_f64(),
             peak_bytes: peak_bytes(),
+            cache: self.store.disk.as_ref().map(DiskTier::take_counts).unwrap_or_default(),
             nodes,
             outputs,
             faults,
@@ -275,22 +322,69 @@ impl Engine {
         }
     }
 
-    fn explain(&self, plan: &Plan, shared: &Shared, states: &[PairState]) -> Vec<Option<Why>> {
-        let mut journals = self.journals.lock().unwrap_or_else(PoisonError::into_inner);
-        let name = Hasher::new("journal").text(&plan.graph.to_string_lossy()).finish();
-        let journal = journals.entry(plan.graph.clone()).or_insert_with(|| {
-            self.store.disk.as_ref().and_then(|disk| disk.load_json("journal", &name)).unwrap_or_default()
-        });
-        let reasons = journal.explain(plan, &shared.pairs, states);
-        if let Some(disk) = &self.store.disk {
-            disk.save_json("journal", &name, journal);
-        }
-        reasons
+    fn reasons(&self, plan: &Plan, state: &State) -> Vec<Option<Why>> {
+        let facts = |at: usize| {
+            let pair = &state.pairs[at];
+            Facts {
+                outcome: match pair.status {
+                    Some(Status::Executed | Status::Failed) => Outcome::Ran,
+                    Some(Status::Recomputed) => Outcome::Recomputed,
+                    Some(Status::Reused | Status::Skipped) | None => Outcome::Stood,
+                },
+                key: pair.key,
+                record: pair.record.as_deref(),
+                files: &pair.files,
+                trigger: pair.trigger.as_ref(),
+            }
+        };
+        self.journal.record(&Course { plan, pairs: plan.pairs(), facts: &facts }, self.store.disk.as_ref())
     }
 
-    /// The one warning of the disk tier, if writing to it failed since this was last asked.
+    /// The one warning of the disk tier, if something went wrong there since this was last asked.
     pub fn take_cache_warning(&self) -> Option<String> {
         self.store.disk.as_ref()?.take_warning()
+    }
+
+    /// Digest of the content of a file.
+    fn digest(&self, path: &Path) -> std::io::Result<Digest> {
+        self.files.digest(path, &*self.io, self.store.disk.as_ref())
+    }
+
+    /// The files that a pair reads, and digests of their content.
+    fn files_read(&self, plan: &Plan, pair: &Pair) -> Result<Vec<(PathBuf, Digest)>, Fault> {
+        let files = plan.files_at(pair.node, pair.request.frame, Access::Read);
+        files
+            .map(|(name, path)| match self.digest(&path) {
+                Ok(digest) => Ok((path, digest)),
+                Err(error) => Err(Fault::new(Code::InputUnreadable, cannot_read(&path, &error)).parameter(name)),
+            })
+            .collect()
+    }
+
+    /// Whether a sink's files are no longer what it wrote.
+    fn changed(&self, artifacts: &[Artifact]) -> Option<Trigger> {
+        artifacts.iter().find_map(|artifact| match self.digest(&artifact.path) {
+            Ok(digest) if digest == artifact.blake3 => None,
+            Ok(_) => Some(Trigger::OutputChanged(artifact.path.clone())),
+            Err(_) => Some(Trigger::OutputMissing(artifact.path.clone())),
+        })
+    }
+
+    /// The files that a pair would write, and their sizes, if all are there.
+    fn standing(&self, plan: &Plan, pair: &Pair) -> Vec<(PathBuf, u64)> {
+        let files = plan.files_at(pair.node, pair.request.frame, Access::Write);
+        let found: Option<Vec<_>> =
+            files.map(|(_, path)| io::stat(&*self.io, &path).ok().map(|stat| (path, stat.size))).collect();
+        found.unwrap_or_default()
+    }
+
+    /// Clears the folders of files that are to be written of what killed processes left there, once.
+    fn sweep(&self, files: impl Iterator<Item = PathBuf>) {
+        for folder in files.filter_map(|file| file.parent().map(Path::to_owned)) {
+            if self.swept.lock().unwrap_or_else(PoisonError::into_inner).insert(folder.clone()) {
+                io::sweep(&*self.io, &folder);
+            }
+        }
     }
 }
 

@@ -30,12 +30,17 @@ pub(crate) struct Pairs {
     pub list: Vec<Pair>,
     /// Per frame of the run, in order, the targets that first come up there.
     pub frames: Vec<(Option<i64>, Vec<usize>)>,
+    /// Per target, its place in `frames`.
+    pub frame_of_target: HashMap<usize, usize>,
+    /// All pairs, each after its inputs; of a node, frame by frame.
+    pub order: Vec<usize>,
 }
 
 impl Pairs {
     /// Follows every request from the targets to the sources. Works through a list, so a graph may be any depth.
     pub fn expand(plan: &Plan) -> Self {
-        let mut pairs = Self { list: Vec::new(), frames: Vec::new() };
+        let mut pairs =
+            Self { list: Vec::new(), frames: Vec::new(), frame_of_target: HashMap::new(), order: Vec::new() };
         let mut known: HashMap<(usize, Request), usize> = HashMap::new();
         let mut counted = HashSet::new();
         let frames: Vec<Option<i64>> =
@@ -51,6 +56,7 @@ impl Pairs {
                 next += 1;
             }
             if !targets.is_empty() {
+                pairs.frame_of_target.extend(targets.iter().map(|&target| (target, pairs.frames.len())));
                 pairs.frames.push((frame, targets));
             }
         }
@@ -58,11 +64,11 @@ impl Pairs {
             let inputs: Vec<usize> = pairs.list[at].inputs().collect();
             inputs.into_iter().for_each(|input| pairs.list[input].consumers.push(at));
         }
+        pairs.order = pairs.in_order(plan);
         pairs
     }
 
-    /// The pairs, each after its inputs.
-    pub fn in_order(&self, plan: &Plan) -> Vec<usize> {
+    fn in_order(&self, plan: &Plan) -> Vec<usize> {
         let mut rank = vec![0; plan.nodes.len()];
         plan.order.iter().enumerate().for_each(|(at, &node)| rank[node] = at);
         let mut order: Vec<usize> = (0..self.list.len()).collect();

@@ -4,8 +4,9 @@ use std::path::PathBuf;
 
 use serde::Serialize;
 
-use super::context::Artifact;
+use super::disk::CacheCounts;
 use crate::diag::Fault;
+use crate::value::Digest;
 
 /// What became of a pair.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
@@ -19,7 +20,7 @@ pub enum Status {
     Reused,
     /// It ended in a fault.
     Failed,
-    /// It waited for one that failed, or the run ended before it.
+    /// It waited for one that failed, the run ended before it, or nobody needed it.
     Skipped,
 }
 
@@ -100,6 +101,8 @@ pub struct PairReport {
     pub seconds: f64,
     /// Memory its outputs take.
     pub bytes: u64,
+    /// Most memory the node asked for while it computed; 0 where it did not.
+    pub peak_bytes: u64,
     /// Why it ran; none where it did not.
     pub why: Option<Why>,
     /// What it measured of itself.
@@ -113,9 +116,12 @@ pub struct OutputReport {
     pub node: String,
     /// The frame.
     pub frame: Option<i64>,
-    /// The file.
-    #[serde(flatten)]
-    pub artifact: Artifact,
+    /// Absolute.
+    pub path: PathBuf,
+    /// Size of the file.
+    pub bytes: u64,
+    /// Digest of its content; none where a file stands that was not looked into.
+    pub blake3: Option<Digest>,
 }
 
 /// What a run tells of itself; the form of `--report`.
@@ -131,6 +137,8 @@ pub struct Report {
     pub seconds: f64,
     /// Peak resident memory of the process, bytes; 0 where the system does not tell.
     pub peak_bytes: u64,
+    /// What was had of the disk tier.
+    pub cache: CacheCounts,
     /// Every pair in the upstream closure of the targets, inputs first.
     pub nodes: Vec<PairReport>,
     /// Every file.
@@ -145,9 +153,18 @@ pub struct Report {
     pub cancelled: bool,
 }
 
+/// Memory that is resident now, bytes; 0 where the system does not tell.
+pub fn resident_bytes() -> u64 {
+    status_bytes("VmRSS:")
+}
+
 /// Peak resident memory of this process, bytes; 0 where the system does not tell.
 pub fn peak_bytes() -> u64 {
+    status_bytes("VmHWM:")
+}
+
+fn status_bytes(name: &str) -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
-    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+    let line = status.lines().find_map(|line| line.strip_prefix(name));
     line.and_then(|line| line.trim().trim_end_matches("kB").trim().parse::<u64>().ok()).unwrap_or(0) * 1024
 }

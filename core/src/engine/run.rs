@@ -1,46 +1,43 @@
 //! What workers do with a pair: resolve it, find its values, compute it, hand it out.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::PathBuf;
-use std::sync::atomic::AtomicU64;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 
-use super::Event;
-use super::context::{Artifact, Context, Control, cannot_read};
-use super::explain::{Evidence, Trigger};
-use super::key::Action;
+use super::context::{Artifact, Context, Control};
+use super::explain::Trigger;
+use super::memory::{Lease, Purpose};
 use super::report::{From, Status};
-use super::schedule::{Task, Worker};
-use super::store::{Record, Tier};
+use super::schedule::{State, Task, Worker};
+use super::store::{Kept, Record, Tier};
+use super::{Event, Existing};
 use crate::diag::{Code, Fault};
-use crate::graph::plan::{PlanNode, Slot};
+use crate::graph::plan::Slot;
 use crate::node::{NodeError, Outputs};
 use crate::schema::Access;
 use crate::value::{Digest, Given, Outline, Value};
 
 impl Worker<'_> {
-    pub(super) fn perform(&self, task: Task) {
-        match task {
-            Task::Resolve(at) => self.resolve(at),
-            Task::Materialise(at) => self.materialise(at),
-            Task::Compute(at) => self.compute(at),
-            Task::Deliver(at) => self.deliver(at),
+    pub(super) fn perform(&self, task: Task, lease: Option<Lease>) {
+        match (task, lease) {
+            (Task::Resolve(at), _) => self.resolve(at),
+            (Task::Materialise(at), _) => self.materialise(at),
+            (Task::Load(at), Some(lease)) => self.load(at, &lease),
+            (Task::Compute(at), Some(lease)) => self.compute(at, lease),
+            (Task::Deliver(at), Some(lease)) => self.deliver(at, lease),
+            (task, None) => unreachable!("{task:?} came without a lease"),
         }
     }
 
-    pub(super) fn node(&self, at: usize) -> &PlanNode {
-        &self.shared.plan.nodes[self.shared.pairs.list[at].node]
-    }
-
     fn resolve(&self, at: usize) {
-        let (key, evidence) = match self.evidence(at) {
-            Ok(found) => found,
+        let key = match self.key(at) {
+            Ok(key) => key,
             Err(fault) => return self.fail(at, fault),
         };
         let trigger = match self.known(at, &key) {
             Some(record) => match self.artifacts_changed(&record) {
-                None => return self.resolved(at, key, evidence, record),
+                None => return self.resolved(at, record),
                 trigger => trigger,
             },
             None => None,
@@ -54,101 +51,101 @@ impl Worker<'_> {
         // Somebody may have finished it since it was looked up.
         if let Some(record) = self.known(at, &key).filter(|record| self.artifacts_changed(record).is_none()) {
             self.engine.store.end_work(&key);
-            return self.resolved(at, key, evidence, record);
+            return self.resolved(at, record);
         }
         let mut state = self.shared.lock();
         let pair = &mut state.pairs[at];
-        (pair.key, pair.evidence, pair.trigger, pair.working) = (Some(key), Some(evidence), trigger, true);
+        (pair.trigger, pair.working) = (trigger, true);
         self.gather(&mut state, at);
     }
 
-    /// The record of a key, if it can be this node's.
     fn known(&self, at: usize, key: &Digest) -> Option<Arc<Record>> {
-        let outputs = self.node(at).node_type.outputs.len();
-        self.engine.store.record(key).filter(|record| record.outputs.len() == outputs)
+        self.fitting(at, self.engine.store.record(key)?)
     }
 
-    /// The key, and what it was made of.
-    fn evidence(&self, at: usize) -> Result<(Digest, Evidence), Fault> {
-        let (pair, node) = (&self.shared.pairs.list[at], self.node(at));
-        let (links, inputs) = {
-            let state = self.shared.lock();
-            let record = |pair: usize| state.pairs[pair].record.as_ref().expect("inputs are resolved first");
-            let links: Vec<f64> = (pair.links.iter().zip(&node.links))
-                .map(|(&from, &(_, output))| record(from).outputs[output].number.unwrap_or(f64::NAN))
-                .collect();
-            let inputs: Vec<Vec<Digest>> = (node.slots.iter().zip(&pair.slots))
-                .map(|(slot, from)| from.iter().map(|&p| record(p).outputs[slot.output].part(&slot.reads)).collect())
-                .collect();
-            (links, inputs)
-        };
-        let params = self.shared.plan.params_at(pair.node, pair.request.frame, &links)?;
-        let mut files = Vec::new();
-        for (name, access) in &node.params.paths {
-            if *access == Access::Read {
-                let path = PathBuf::from(params[name].as_str().unwrap_or_default());
-                let digest = self.engine.files.digest(&path, &*self.engine.io, self.engine.store.disk.as_ref());
-                let digest = digest
-                    .map_err(|error| Fault::new(Code::InputUnreadable, cannot_read(&path, &error)).parameter(name))?;
-                files.push((path, digest));
-            }
+    /// The key; files are looked at, and their digests kept.
+    fn key(&self, at: usize) -> Result<Digest, Fault> {
+        let files = self.engine.files_read(&self.shared.plan, &self.pairs.list[at])?;
+        let mut state = self.shared.lock();
+        if let Some(key) = state.pairs[at].key.filter(|_| files.is_empty()) {
+            return Ok(key);
         }
-        let digests: Vec<Digest> = files.iter().map(|(_, digest)| *digest).collect();
-        let action = Action { node, request: &pair.request, params: &params, inputs: &inputs, files: &digests };
-        Ok((action.key(), Evidence { params, inputs, files }))
+        let key = self.resolver(&state).key(at, &files)?;
+        let pair = &mut state.pairs[at];
+        (pair.key, pair.files) = (Some(key), files);
+        Ok(key)
     }
 
     /// Whether a sink's files are no longer what it wrote.
     fn artifacts_changed(&self, record: &Record) -> Option<Trigger> {
-        record.artifacts.iter().find_map(|artifact| {
-            match self.engine.files.digest(&artifact.path, &*self.engine.io, self.engine.store.disk.as_ref()) {
-                Ok(digest) if digest == artifact.blake3 => None,
-                Ok(_) => Some(Trigger::OutputChanged(artifact.path.clone())),
-                Err(_) => Some(Trigger::OutputMissing(artifact.path.clone())),
-            }
-        })
+        self.engine.changed(&record.artifacts)
     }
 
     /// The pair's result was known.
-    fn resolved(&self, at: usize, key: Digest, evidence: Evidence, record: Arc<Record>) {
-        self.finished(at, Status::Reused, 0.0, &record);
+    fn resolved(&self, at: usize, record: Arc<Record>) {
+        let from = if self.node(at).node_type.sink { From::File } else { From::Record };
         let mut state = self.shared.lock();
-        let is_sink = self.node(at).node_type.sink;
-        let pair = &mut state.pairs[at];
-        (pair.key, pair.evidence, pair.status) = (Some(key), Some(evidence), Some(Status::Reused));
-        pair.from = Some(if is_sink { From::File } else { From::Record });
-        self.publish(&mut state, at, record);
-        self.release_inputs(&mut state, at);
+        let mut resolvable = Vec::new();
+        self.reuse(&mut state, at, record, from, &mut resolvable);
+        self.cascade(&mut state, resolvable);
+    }
+
+    /// Targets of a frame whose files are there stand, whatever is in them: nothing is asked for them.
+    pub(super) fn skip_standing(&self, state: &mut State, frame: usize) {
+        for &at in &self.pairs.frames[frame].1 {
+            let standing = self.engine.standing(&self.shared.plan, &self.pairs.list[at]);
+            if standing.is_empty() {
+                continue;
+            }
+            let (status, frame) = (Status::Reused, self.pairs.list[at].request.frame);
+            self.job.observer.event(Event::Finished { node: &self.node(at).id, frame, status, seconds: 0.0 });
+            for (path, bytes) in &standing {
+                self.job.observer.event(Event::Output { path, bytes: *bytes, blake3: None, written: false });
+            }
+            let pair = &mut state.pairs[at];
+            (pair.status, pair.from, pair.standing) = (Some(status), Some(From::File), standing);
+            self.close_target(state, at);
+        }
     }
 
     /// Recomputing takes no work on the key: a twin that waits for this very pair's inputs may hold it.
     fn materialise(&self, at: usize) {
         let record = self.shared.lock().pairs[at].record.clone().expect("only resolved pairs are asked for values");
-        if let Some((values, from)) = self.engine.pool.install(|| self.load(&record)) {
-            return self.loaded(at, values, from);
+        let store = &self.engine.store;
+        if let Some(values) = store.values_at_hand(&record) {
+            return self.found(at, values, From::Memory);
         }
+        let is_on_disk = record.outputs.iter().all(|outline| store.has_value(outline).is_some());
         let mut state = self.shared.lock();
+        match is_on_disk {
+            true => state.push(Task::Load(at)),
+            false => self.recompute(&mut state, at),
+        }
+    }
+
+    fn load(&self, at: usize, lease: &Lease) {
+        let record = self.shared.lock().pairs[at].record.clone().expect("only resolved pairs are loaded");
+        let load = |outline: &Outline| self.engine.store.value(outline, lease);
+        let loaded: Option<Vec<_>> = self.engine.pool.install(|| record.outputs.iter().map(load).collect());
+        match loaded {
+            Some(values) => {
+                let from_disk = values.iter().any(|(_, tier)| *tier == Tier::Disk);
+                let values = values.into_iter().map(|(kept, _)| kept).collect();
+                self.found(at, values, if from_disk { From::Disk } else { From::Memory });
+            }
+            None => self.recompute(&mut self.shared.lock(), at),
+        }
+    }
+
+    fn recompute(&self, state: &mut State, at: usize) {
         state.pairs[at].recompute = true;
-        for input in self.shared.pairs.list[at].inputs() {
+        for input in self.pairs.list[at].inputs() {
             state.pairs[input].holds += 1;
         }
-        self.gather(&mut state, at);
+        self.gather(state, at);
     }
 
-    fn load(&self, record: &Record) -> Option<(Vec<Value>, From)> {
-        let mut from = From::Memory;
-        let mut values = Vec::with_capacity(record.outputs.len());
-        for outline in &record.outputs {
-            let (value, tier) = self.engine.store.value(outline)?;
-            if tier == Tier::Disk {
-                from = From::Disk;
-            }
-            values.push(value);
-        }
-        Some((values, from))
-    }
-
-    fn loaded(&self, at: usize, values: Vec<Value>, from: From) {
+    fn found(&self, at: usize, values: Vec<Arc<Kept>>, from: From) {
         let mut state = self.shared.lock();
         // Where it came from first: after that it is in memory.
         if state.pairs[at].from == Some(From::Record) {
@@ -157,38 +154,68 @@ impl Worker<'_> {
         self.hold(&mut state, at, values);
     }
 
-    fn deliver(&self, at: usize) {
-        let values = self.shared.lock().pairs[at].values.clone().expect("held for delivery");
-        let pair = &self.shared.pairs.list[at];
-        let delivered = self.engine.pool.install(|| (self.job.on_values)(pair.node, pair.request.frame, &values));
+    fn deliver(&self, at: usize, lease: Lease) {
+        let Some(values) = self.shared.lock().pairs[at].values.clone() else {
+            // They were let go of since.
+            return self.want(&mut self.shared.lock(), at);
+        };
+        let control = PairControl { worker: self, at, lease, starved: AtomicBool::new(false) };
+        let pair = &self.pairs.list[at];
+        let values: Vec<Value> = values.iter().map(|kept| kept.value.clone()).collect();
+        let delivery = super::Delivery {
+            node: pair.node,
+            frame: pair.request.frame,
+            values: &values,
+            reserve: &|bytes| control.reserve(bytes, Purpose::Other),
+        };
+        let delivered = self.engine.pool.install(|| (self.job.on_values)(delivery));
+        let starved = control.starved.into_inner();
+        drop(control.lease);
         let mut state = self.shared.lock();
-        if let Err(fault) = delivered {
-            self.add_fault(&mut state, at, fault);
-            state.pairs[at].status = Some(Status::Failed);
+        match delivered {
+            Err(_) if starved => return state.push(Task::Deliver(at)),
+            Err(fault) if fault.code == Code::Cancelled && self.job.cancel.is_cancelled() => return,
+            Err(fault) => {
+                self.add_fault(&mut state, at, fault);
+                state.pairs[at].status = Some(Status::Failed);
+            }
+            Ok(()) => {}
         }
         self.release(&mut state, at);
         self.close_target(&mut state, at);
     }
 
-    fn compute(&self, at: usize) {
-        let (pair, node) = (&self.shared.pairs.list[at], self.node(at));
-        let (inputs, params, files) = {
-            let state = self.shared.lock();
-            let given = |slot: &Slot, from: usize| {
-                let input = &state.pairs[from];
-                let outline = &input.record.as_ref().expect("inputs are resolved").outputs[slot.output];
-                slot.reads.without_value(outline).unwrap_or_else(|| {
-                    let values = input.values.as_ref().expect("inputs are held");
-                    slot.reads.restrict(&values[slot.output])
-                })
-            };
-            let inputs: Vec<Vec<Given>> = (node.slots.iter().zip(&pair.slots))
-                .map(|(slot, from)| from.iter().map(|&from| given(slot, from)).collect())
-                .collect();
-            let evidence = state.pairs[at].evidence.as_ref().expect("resolved before it computes");
-            (inputs, evidence.params.clone(), evidence.files.clone())
+    /// What the node sees of its inputs, as far as it reads them.
+    fn given(&self, at: usize) -> Option<Vec<Vec<Given>>> {
+        let state = self.shared.lock();
+        let given = |slot: &Slot, from: usize| {
+            let input = &state.pairs[from];
+            let outline = &input.record.as_ref().expect("inputs are resolved").outputs[slot.output];
+            slot.reads.without_value(outline).or_else(|| {
+                let values = input.values.as_ref()?;
+                Some(slot.reads.restrict(&values[slot.output].value))
+            })
         };
-        let control = PairControl { worker: self, at };
+        let slots = self.node(at).slots.iter().zip(&self.pairs.list[at].slots);
+        slots.map(|(slot, from)| from.iter().map(|&from| given(slot, from)).collect()).collect()
+    }
+
+    fn compute(&self, at: usize, lease: Lease) {
+        let (pair, node) = (&self.pairs.list[at], self.node(at));
+        let params = match self.resolver(&self.shared.lock()).params(at) {
+            Ok(params) => params,
+            Err(fault) => return self.fail(at, fault),
+        };
+        let Some(inputs) = self.given(at) else {
+            // They were let go of since.
+            return self.gather(&mut self.shared.lock(), at);
+        };
+        if node.node_type.sink {
+            let written = self.shared.plan.files_at(pair.node, pair.request.frame, Access::Write);
+            self.engine.sweep(written.map(|(_, path)| path));
+        }
+        let files = self.shared.lock().pairs[at].files.clone();
+        let control = PairControl { worker: self, at, lease, starved: AtomicBool::new(false) };
         let context = Context {
             inputs: &inputs,
             request: &pair.request,
@@ -196,8 +223,7 @@ impl Worker<'_> {
             files: &files,
             io: &*self.engine.io,
             control: &control,
-            budget: self.engine.memory,
-            allocated: AtomicU64::new(0),
+            existing: self.job.existing,
             artifacts: Mutex::default(),
         };
         self.job.observer.event(Event::Started { node: &node.id, frame: pair.request.frame });
@@ -212,11 +238,25 @@ impl Worker<'_> {
             })
         }));
         let artifacts = context.artifacts.into_inner().unwrap_or_else(PoisonError::into_inner);
+        // What it was given is not held for longer than it computes.
+        drop(inputs);
+        let starved = control.starved.load(Ordering::Relaxed);
+        self.learn(at, control.lease.asked());
         match computed {
-            Ok(Ok((outputs, outlines, seconds))) => self.computed(at, outputs, outlines, artifacts, seconds),
+            Ok(Ok((outputs, outlines, seconds))) => {
+                self.computed(at, outputs, outlines, artifacts, seconds, &control.lease);
+            }
+            Ok(Err(_)) if starved => self.shared.lock().push(Task::Compute(at)),
             Ok(Err(error)) => self.fail(at, node_fault(error)),
             Err(panic) => self.fail(at, self.panic_fault(at, panic)),
         }
+    }
+
+    fn learn(&self, at: usize, asked: u64) {
+        let mut state = self.shared.lock();
+        let frame = state.pairs[at].frame;
+        state.footprints.learn(self.pairs.list[at].node, frame, asked);
+        state.pairs[at].peak = state.pairs[at].peak.max(asked);
     }
 
     /// The fault for a panic on the way of a pair.
@@ -229,8 +269,15 @@ impl Worker<'_> {
         Fault::new(Code::Panic, message).hint("this is a bug; please report it with the graph".to_owned())
     }
 
-    fn computed(&self, at: usize, outputs: Outputs, outlines: Vec<Outline>, artifacts: Vec<Artifact>, seconds: f64) {
-        let node = self.node(at);
+    fn computed(
+        &self,
+        at: usize,
+        outputs: Outputs,
+        outlines: Vec<Outline>,
+        artifacts: Vec<Artifact>,
+        seconds: f64,
+        lease: &Lease,
+    ) {
         let (key, known) = {
             let mut state = self.shared.lock();
             let pair = &mut state.pairs[at];
@@ -240,16 +287,11 @@ impl Worker<'_> {
         if let Some(known) = &known
             && let Some(output) = (0..outlines.len()).find(|&i| outlines[i].digest != known.outputs[i].digest)
         {
-            let name = node.node_type.outputs[output].name;
-            let message = format!("`{}` gave another `{name}` than before from the same inputs", node.id);
-            let hint = format!("{} is not deterministic: its results cannot be trusted to repeat", node.node_type.name);
-            return self.fail(at, Fault::new(Code::Nondeterministic, message).hint(hint));
+            return self.fail(at, self.nondeterministic(at, output));
         }
-        self.engine.pool.install(|| {
-            for (outline, value) in outlines.iter().zip(&outputs.values) {
-                self.engine.store.insert_value(outline, value, seconds);
-            }
-        });
+        let insert = |(outline, value)| self.engine.store.insert_value(outline, value, seconds, lease);
+        let kept: Vec<Arc<Kept>> =
+            self.engine.pool.install(|| outlines.iter().zip(outputs.values).map(insert).collect());
         let is_recompute = known.is_some();
         let record = known.unwrap_or_else(|| {
             let record = Arc::new(Record { outputs: outlines, artifacts, stats: outputs.stats, seconds });
@@ -265,20 +307,31 @@ impl Worker<'_> {
         if pair.status != Some(Status::Executed) {
             pair.status = Some(status);
         }
-        self.hold(&mut state, at, outputs.values);
+        self.hold(&mut state, at, kept);
         if !is_recompute {
-            self.publish(&mut state, at, record);
+            let mut resolvable = Vec::new();
+            self.publish(&mut state, at, record, &mut resolvable);
+            self.cascade(&mut state, resolvable);
             state.freed.push(key);
         }
         self.release_inputs(&mut state, at);
     }
 
+    fn nondeterministic(&self, at: usize, output: usize) -> Fault {
+        let node = self.node(at);
+        let name = node.node_type.outputs[output].name;
+        let message = format!("`{}` gave another `{name}` than before from the same inputs", node.id);
+        let hint = format!("{} is not deterministic: its results cannot be trusted to repeat", node.node_type.name);
+        Fault::new(Code::Nondeterministic, message).hint(hint)
+    }
+
     /// Tells of a pair, before its frame may be told of.
-    fn finished(&self, at: usize, status: Status, seconds: f64, record: &Record) {
-        let (pair, node) = (&self.shared.pairs.list[at], self.node(at));
+    pub(super) fn finished(&self, at: usize, status: Status, seconds: f64, record: &Record) {
+        let (pair, node) = (&self.pairs.list[at], self.node(at));
         self.job.observer.event(Event::Finished { node: &node.id, frame: pair.request.frame, status, seconds });
-        for artifact in &record.artifacts {
-            self.job.observer.event(Event::Output { artifact, written: status == Status::Executed });
+        let written = status == Status::Executed && self.job.existing != Existing::Verify;
+        for Artifact { path, bytes, blake3 } in &record.artifacts {
+            self.job.observer.event(Event::Output { path, bytes: *bytes, blake3: Some(*blake3), written });
         }
     }
 }
@@ -289,18 +342,34 @@ fn node_fault(error: NodeError) -> Fault {
     fault
 }
 
-struct PairControl<'a> {
-    worker: &'a Worker<'a>,
-    at: usize,
+/// What a pair at work asks of the run.
+pub(super) struct PairControl<'a> {
+    pub worker: &'a Worker<'a>,
+    pub at: usize,
+    pub lease: Lease,
+    /// Whether it was told to try again when there is memory.
+    pub starved: AtomicBool,
+}
+
+impl PairControl<'_> {
+    /// Ends it for now; next time it begins with `needed` bytes in hand.
+    pub fn starve(&self, needed: u64) {
+        self.starved.store(true, Ordering::Relaxed);
+        self.worker.learn(self.at, needed);
+    }
 }
 
 impl Control for PairControl<'_> {
     fn progress(&self, part: f64) {
-        let frame = self.worker.shared.pairs.list[self.at].request.frame;
+        let frame = self.worker.pairs.list[self.at].request.frame;
         self.worker.job.observer.event(Event::Progress { node: &self.worker.node(self.at).id, frame, part });
     }
 
     fn is_stopped(&self) -> bool {
         self.worker.job.cancel.is_cancelled()
+    }
+
+    fn reserve(&self, bytes: u128, purpose: Purpose) -> Result<(), NodeError> {
+        self.take(bytes, purpose)
     }
 }

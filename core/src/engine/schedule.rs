@@ -3,27 +3,31 @@
 //! A pair goes through two stages. It is *resolved* when its outlines are known: its key is made from its inputs'
 //! outlines and looked up, and only if it is unknown does it compute. Its *values* are gathered only for pairs that
 //! compute; they come from memory, from disk, or by recomputing. Nothing here recurses over the graph and no worker
-//! blocks on another: a pair that waits is parked and pushed again by whoever it waits for. What is done with a pair
-//! stands in `run`.
+//! blocks on another: a pair that waits is parked and pushed again by whoever it waits for. Who gets memory stands in
+//! `share`, what is done with a pair in `run`.
 
-use std::collections::HashMap;
+use std::collections::BinaryHeap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::PathBuf;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use super::explain::{Evidence, Trigger};
+use super::explain::Trigger;
+use super::memory::Lease;
 use super::pairs::Pairs;
 use super::report::{From, Status};
-use super::store::Record;
-use super::{Engine, Event, Job};
+use super::resolve::Resolver;
+use super::store::{Kept, Record};
+use super::{Engine, Event, Existing, Job};
 use crate::diag::{Code, Fault};
-use crate::graph::plan::Plan;
-use crate::value::{Digest, Reads, Value};
+use crate::graph::plan::{Plan, PlanNode};
+use crate::value::{Digest, Reads};
 
 /// One run: what all workers share, and what a waker from another run may reach.
 pub(crate) struct Shared {
     pub plan: Arc<Plan>,
-    pub pairs: Pairs,
+    /// Per node, whether its values are handed out.
+    pub(super) delivers: Vec<bool>,
     state: Mutex<State>,
     wake: Condvar,
 }
@@ -31,9 +35,13 @@ pub(crate) struct Shared {
 pub(crate) struct State {
     pub pairs: Vec<PairState>,
     pub faults: Vec<Fault>,
-    pub(super) ready: Vec<Task>,
+    pub(super) ready: Ready,
+    /// Tasks that wait for memory.
+    pub(super) starved: Vec<Task>,
     /// Tasks at work.
-    pub(super) running: usize,
+    running: usize,
+    /// Workers that found nothing to do.
+    sleeping: usize,
     /// Pairs that wait for another pair with the same key, here or in another run.
     pub(super) parked: usize,
     /// Frames admitted so far.
@@ -41,18 +49,23 @@ pub(crate) struct State {
     /// Targets per frame that are not done.
     open_targets: Vec<usize>,
     /// Frames admitted and not done.
-    open_frames: usize,
+    pub(super) open_frames: usize,
     stopped: bool,
     /// Keys whose work is given back as soon as the lock is free.
     pub(super) freed: Vec<Digest>,
+    /// Values that are let go of as soon as the lock is free.
+    pub(super) let_go: Vec<Arc<Kept>>,
+    pub(super) footprints: super::share::Footprints,
 }
 
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Task {
     /// Make the key and look it up.
     Resolve(usize),
     /// Find the values of a resolved pair.
     Materialise(usize),
+    /// Read the values of a resolved pair from disk.
+    Load(usize),
     /// Run the node; all its inputs' values are held.
     Compute(usize),
     /// Hand a target's values out.
@@ -60,10 +73,53 @@ pub(super) enum Task {
 }
 
 impl Task {
-    fn pair(self) -> usize {
+    pub fn pair(self) -> usize {
         match self {
-            Task::Resolve(at) | Task::Materialise(at) | Task::Compute(at) | Task::Deliver(at) => at,
+            Task::Resolve(at) | Task::Materialise(at) | Task::Load(at) | Task::Compute(at) | Task::Deliver(at) => at,
         }
+    }
+
+    pub fn needs_memory(self) -> bool {
+        matches!(self, Task::Load(_) | Task::Compute(_) | Task::Deliver(_))
+    }
+}
+
+/// Tasks that can be done: those of the oldest frame first, and of these the newest, so that what was begun is
+/// finished before more is begun.
+#[derive(Default)]
+pub(super) struct Ready {
+    heap: BinaryHeap<(std::cmp::Reverse<usize>, u64, Queued)>,
+    count: u64,
+}
+
+#[derive(PartialEq, Eq)]
+struct Queued(Task);
+
+impl PartialOrd for Queued {
+    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Ord for Queued {
+    fn cmp(&self, _: &Self) -> std::cmp::Ordering {
+        // Never asked: no two tasks have one number.
+        std::cmp::Ordering::Equal
+    }
+}
+
+impl Ready {
+    fn push(&mut self, frame: usize, task: Task) {
+        self.count += 1;
+        self.heap.push((std::cmp::Reverse(frame), self.count, Queued(task)));
+    }
+
+    pub fn pop(&mut self) -> Option<Task> {
+        self.heap.pop().map(|(_, _, Queued(task))| task)
+    }
+
+    fn is_empty(&self) -> bool {
+        self.heap.is_empty()
     }
 }
 
@@ -71,15 +127,19 @@ impl Task {
 #[derive(Default)]
 pub(crate) struct PairState {
     admitted: bool,
+    /// The frame of the run in which it first came up.
+    pub(super) frame: usize,
     /// Input edges whose pairs are not resolved.
-    pub(super) unresolved: usize,
+    unresolved: usize,
     /// Inputs whose values it waits for.
     pub(super) awaited: usize,
     /// Pairs that wait for this one's values.
-    pub(super) waiters: Vec<usize>,
+    waiters: Vec<usize>,
     /// Pairs that may still want this one's values, once per edge.
     pub(super) holds: usize,
-    pub(super) values: Option<Vec<Value>>,
+    pub(super) values: Option<Vec<Arc<Kept>>>,
+    /// How often they were let go of for want of memory.
+    pub(super) spills: u8,
     /// Whether its values are being looked for.
     pub(super) materialising: bool,
     /// Whether it executes and holds the work on its key.
@@ -87,14 +147,19 @@ pub(crate) struct PairState {
     /// Whether its values are computed again.
     pub(super) recompute: bool,
     /// Its values cannot be had: whoever wants them fails.
-    pub(super) lost: bool,
+    lost: bool,
     pub(super) done: bool,
     pub key: Option<Digest>,
     pub record: Option<Arc<Record>>,
     pub status: Option<Status>,
     pub from: Option<From>,
     pub seconds: f64,
-    pub evidence: Option<Evidence>,
+    /// Most memory it asked for, bytes.
+    pub peak: u64,
+    /// Files it reads, and digests of their content.
+    pub files: Vec<(PathBuf, Digest)>,
+    /// Files of a sink that stand whatever is in them, and their sizes.
+    pub standing: Vec<(PathBuf, u64)>,
     pub trigger: Option<Trigger>,
 }
 
@@ -104,11 +169,27 @@ impl State {
         let is_there = |status| matches!(status, Some(Status::Executed | Status::Recomputed | Status::Reused));
         targets.iter().all(|&target| is_there(self.pairs[target].status))
     }
+
+    pub(super) fn push(&mut self, task: Task) {
+        self.ready.push(self.pairs[task.pair()].frame, task);
+    }
+
+    pub(super) fn drop_values(&mut self, at: usize) {
+        let pair = &mut self.pairs[at];
+        if let Some(values) = pair.values.take() {
+            let bytes = values.iter().map(|kept| kept.value.bytes()).sum::<u64>();
+            self.footprints.shrink(pair.frame, bytes);
+            self.let_go.extend(values);
+        }
+    }
 }
 
 impl Shared {
     /// `deliver`: nodes whose values are handed out.
-    pub fn new(plan: Arc<Plan>, pairs: Pairs, deliver: &[usize]) -> Self {
+    pub fn new(plan: Arc<Plan>, deliver: &[usize]) -> Self {
+        let pairs = plan.pairs();
+        let mut delivers = vec![false; plan.nodes.len()];
+        deliver.iter().for_each(|&node| delivers[node] = true);
         let mut states: Vec<PairState> = (pairs.list.iter())
             .map(|pair| PairState {
                 unresolved: pair.inputs().count(),
@@ -118,21 +199,25 @@ impl Shared {
             .collect();
         // What is handed out is held until then, as if by one consumer more.
         let targets = pairs.frames.iter().flat_map(|(_, targets)| targets);
-        targets.filter(|&&at| deliver.contains(&pairs.list[at].node)).for_each(|&at| states[at].holds += 1);
+        targets.filter(|&&at| delivers[pairs.list[at].node]).for_each(|&at| states[at].holds += 1);
         let open_targets = pairs.frames.iter().map(|(_, targets)| targets.len()).collect();
         let state = State {
             pairs: states,
             faults: Vec::new(),
-            ready: Vec::new(),
+            ready: Ready::default(),
+            starved: Vec::new(),
             running: 0,
+            sleeping: 0,
             parked: 0,
             admitted: 0,
             open_targets,
             open_frames: 0,
             stopped: false,
             freed: Vec::new(),
+            let_go: Vec::new(),
+            footprints: super::share::Footprints::new(plan.nodes.len(), pairs.frames.len()),
         };
-        Self { plan, pairs, state: Mutex::new(state), wake: Condvar::new() }
+        Self { plan, delivers, state: Mutex::new(state), wake: Condvar::new() }
     }
 
     pub fn lock(&self) -> MutexGuard<'_, State> {
@@ -142,9 +227,9 @@ impl Shared {
     pub(super) fn unpark(&self, task: Task) {
         let mut state = self.lock();
         state.parked -= 1;
-        state.ready.push(task);
+        state.push(task);
         drop(state);
-        self.wake.notify_all();
+        self.wake.notify_one();
     }
 }
 
@@ -153,11 +238,20 @@ pub(crate) struct Worker<'a> {
     pub engine: &'a Engine,
     pub job: &'a Job<'a>,
     pub shared: &'a Arc<Shared>,
-    /// Frame number within the run per target pair.
-    pub frame_of_target: &'a HashMap<usize, usize>,
+    pub pairs: &'a Pairs,
 }
 
-impl Worker<'_> {
+impl<'a> Worker<'a> {
+    pub(super) fn node(&self, at: usize) -> &'a PlanNode {
+        &self.shared.plan.nodes[self.pairs.list[at].node]
+    }
+
+    /// What pairs are made of, as far as `state` knows.
+    pub(super) fn resolver<'s>(&'s self, state: &'s State) -> Resolver<'s, impl Fn(usize) -> &'s Record> {
+        let record = |at: usize| &**state.pairs[at].record.as_ref().expect("inputs are resolved first");
+        Resolver { plan: &self.shared.plan, pairs: self.pairs, record }
+    }
+
     /// Takes tasks until the run is over.
     pub fn work(&self) {
         let mut state = self.shared.lock();
@@ -166,30 +260,24 @@ impl Worker<'_> {
             if self.job.cancel.is_cancelled() {
                 state.stopped = true;
             }
-            let task = if state.stopped { None } else { state.ready.pop() };
+            let task = if state.stopped { None } else { self.next(&mut state) };
             match task {
-                Some(task) => {
+                Some((task, lease)) => {
                     state.running += 1;
+                    if state.sleeping > 0 && !state.ready.is_empty() {
+                        self.shared.wake.notify_one();
+                    }
                     drop(state);
-                    if let Err(panic) = catch_unwind(AssertUnwindSafe(|| self.perform(task))) {
-                        self.fail(task.pair(), self.panic_fault(task.pair(), panic));
-                    }
-                    state = self.shared.lock();
-                    let freed = std::mem::take(&mut state.freed);
-                    if !freed.is_empty() {
-                        // Not under the lock: it wakes pairs of this run and of others.
-                        drop(state);
-                        freed.iter().for_each(|key| self.engine.store.end_work(key));
-                        state = self.shared.lock();
-                    }
-                    state.running -= 1;
-                    self.shared.wake.notify_all();
+                    state = self.finish(task, lease);
                 }
-                None if state.running == 0 && (state.stopped || state.parked == 0 && state.ready.is_empty()) => break,
-                // A cancel sets no flag that wakes: look again now and then.
+                None if state.running == 0 && (state.stopped || self.is_over(&state)) => break,
+                // A cancel sets no flag that wakes, nor does memory that another run gives back: look now and then.
                 None => {
+                    state.sleeping += 1;
                     let pause = Duration::from_millis(20);
                     state = self.shared.wake.wait_timeout(state, pause).unwrap_or_else(PoisonError::into_inner).0;
+                    state.sleeping -= 1;
+                    self.feed(&mut state);
                 }
             }
         }
@@ -197,63 +285,134 @@ impl Worker<'_> {
         self.shared.wake.notify_all();
     }
 
-    /// Lets new frames in while fewer than the window are open.
+    fn is_over(&self, state: &State) -> bool {
+        state.parked == 0 && state.ready.is_empty() && state.starved.is_empty()
+    }
+
+    /// Does a task, and what had to wait for the lock to be free.
+    fn finish(&self, task: Task, lease: Option<Lease>) -> MutexGuard<'_, State> {
+        if let Err(panic) = catch_unwind(AssertUnwindSafe(|| self.perform(task, lease))) {
+            self.fail(task.pair(), self.panic_fault(task.pair(), panic));
+        }
+        let mut state = self.shared.lock();
+        let (freed, let_go) = (std::mem::take(&mut state.freed), std::mem::take(&mut state.let_go));
+        if !freed.is_empty() || !let_go.is_empty() {
+            // Not under the lock: the first wakes pairs of this run and of others, the second takes time.
+            drop(state);
+            freed.iter().for_each(|key| self.engine.store.end_work(key));
+            drop(let_go);
+            self.engine.store.settle();
+            state = self.shared.lock();
+        }
+        state.running -= 1;
+        if task.needs_memory() {
+            self.feed(&mut state);
+        }
+        state
+    }
+
+    /// Lets new frames in while fewer than the window are open and there is memory for one more.
     fn admit(&self, state: &mut State) {
-        let window = self.engine.threads;
-        while state.open_frames < window
-            && state.admitted < self.shared.pairs.frames.len()
+        while state.admitted < self.pairs.frames.len()
             && (self.job.keep_going || state.faults.is_empty())
+            && self.has_room_for_a_frame(state)
         {
             let frame = state.admitted;
             state.admitted += 1;
+            if self.job.existing == Existing::Skip {
+                self.skip_standing(state, frame);
+            }
             if state.open_targets[frame] == 0 {
                 // All of it was done on the way to earlier frames.
                 self.frame_done(state, frame);
                 continue;
             }
             state.open_frames += 1;
-            let mut stack: Vec<usize> = self.shared.pairs.frames[frame].1.clone();
+            let mut resolvable = Vec::new();
+            let mut stack: Vec<usize> = self.pairs.frames[frame].1.clone();
             while let Some(at) = stack.pop() {
                 let pair = &mut state.pairs[at];
-                if std::mem::replace(&mut pair.admitted, true) {
+                if pair.done || std::mem::replace(&mut pair.admitted, true) {
                     continue;
                 }
-                if pair.unresolved == 0 && !pair.done {
-                    state.ready.push(Task::Resolve(at));
+                pair.frame = frame;
+                if pair.unresolved == 0 {
+                    resolvable.push(at);
                 }
-                stack.extend(self.shared.pairs.list[at].inputs());
+                stack.extend(self.pairs.list[at].inputs());
             }
-            self.shared.wake.notify_all();
+            self.cascade(state, resolvable);
         }
     }
 
-    /// Tells consumers that the pair's outlines are known.
-    pub(super) fn publish(&self, state: &mut State, at: usize, record: Arc<Record>) {
+    /// Resolves pairs whose inputs are, and whatever that makes resolvable, as far as their records are in memory and
+    /// no file has to be looked at. What is left becomes tasks.
+    pub(super) fn cascade(&self, state: &mut State, mut resolvable: Vec<usize>) {
+        while let Some(at) = resolvable.pop() {
+            match self.at_hand(state, at) {
+                Some(record) => self.reuse(state, at, record, From::Record, &mut resolvable),
+                None => state.push(Task::Resolve(at)),
+            }
+        }
+    }
+
+    fn at_hand(&self, state: &mut State, at: usize) -> Option<Arc<Record>> {
+        let node = self.node(at);
+        if !node.params.paths.is_empty() {
+            return None;
+        }
+        let key = self.resolver(state).key(at, &[]).ok()?;
+        state.pairs[at].key = Some(key);
+        self.fitting(at, self.engine.store.record_at_hand(&key)?)
+    }
+
+    /// The record, if it can be this node's.
+    pub(super) fn fitting(&self, at: usize, record: Arc<Record>) -> Option<Arc<Record>> {
+        (record.outputs.len() == self.node(at).node_type.outputs.len()).then_some(record)
+    }
+
+    /// The pair's result was known.
+    pub(super) fn reuse(
+        &self,
+        state: &mut State,
+        at: usize,
+        record: Arc<Record>,
+        from: From,
+        resolvable: &mut Vec<usize>,
+    ) {
+        self.finished(at, Status::Reused, 0.0, &record);
+        let pair = &mut state.pairs[at];
+        (pair.status, pair.from) = (Some(Status::Reused), Some(from));
+        self.publish(state, at, record, resolvable);
+        self.release_inputs(state, at);
+    }
+
+    /// Tells consumers that the pair's outlines are known; those that wait for nothing else become resolvable.
+    pub(super) fn publish(&self, state: &mut State, at: usize, record: Arc<Record>, resolvable: &mut Vec<usize>) {
         state.pairs[at].record = Some(record);
-        for &consumer in &self.shared.pairs.list[at].consumers {
+        for &consumer in &self.pairs.list[at].consumers {
             let waiting = &mut state.pairs[consumer];
             waiting.unresolved -= 1;
             if waiting.unresolved == 0 && waiting.admitted && !waiting.done {
-                state.ready.push(Task::Resolve(consumer));
+                resolvable.push(consumer);
             }
         }
         if self.is_delivered(at) {
             match state.pairs[at].values.is_some() {
-                true => state.ready.push(Task::Deliver(at)),
+                true => state.push(Task::Deliver(at)),
                 false => self.want(state, at),
             }
         } else {
             self.close_target(state, at);
         }
-        self.shared.wake.notify_all();
     }
 
     pub(super) fn is_delivered(&self, at: usize) -> bool {
-        self.frame_of_target.contains_key(&at) && self.job.deliver.contains(&self.shared.pairs.list[at].node)
+        self.shared.delivers[self.pairs.list[at].node] && self.pairs.frame_of_target.contains_key(&at)
     }
 
     fn frame_done(&self, state: &State, frame: usize) {
-        let (number, targets) = &self.shared.pairs.frames[frame];
+        let (number, targets) = &self.pairs.frames[frame];
         let delivered = state.has_delivered(targets);
         self.job.observer.event(Event::FrameDone { frame: *number, delivered });
     }
@@ -263,9 +422,9 @@ impl Worker<'_> {
         if std::mem::replace(&mut state.pairs[at].done, true) {
             return;
         }
-        if let Some(&frame) = self.frame_of_target.get(&at) {
+        if let Some(&frame) = self.pairs.frame_of_target.get(&at) {
             state.open_targets[frame] -= 1;
-            if state.open_targets[frame] == 0 && frame < state.admitted {
+            if state.open_targets[frame] == 0 && frame < state.admitted && state.pairs[at].admitted {
                 state.open_frames -= 1;
                 self.frame_done(state, frame);
             }
@@ -275,19 +434,26 @@ impl Worker<'_> {
     /// Looks for the values of a resolved pair, unless somebody does already.
     pub(super) fn want(&self, state: &mut State, at: usize) {
         if !std::mem::replace(&mut state.pairs[at].materialising, true) {
-            state.ready.push(Task::Materialise(at));
+            state.push(Task::Materialise(at));
         }
     }
 
-    /// Arranges for the pair to compute once all its inputs' values are held. Of inputs that are read for their
-    /// windows alone, the outline is enough.
-    pub(super) fn gather(&self, state: &mut State, at: usize) {
-        let pair = &self.shared.pairs.list[at];
-        let slots = self.node(at).slots.iter().zip(&pair.slots);
+    /// The pairs whose values a pair needs. Of inputs that are read for their windows alone, the outline is enough.
+    pub(super) fn needed(&self, at: usize) -> Vec<usize> {
+        let slots = self.node(at).slots.iter().zip(&self.pairs.list[at].slots);
         let mut inputs: Vec<usize> =
             slots.filter(|(slot, _)| slot.reads != Reads::Windows).flat_map(|(_, from)| from).copied().collect();
         inputs.sort_unstable();
         inputs.dedup();
+        inputs
+    }
+
+    /// Arranges for the pair to compute once all its inputs' values are held.
+    pub(super) fn gather(&self, state: &mut State, at: usize) {
+        let mut inputs = self.needed(at);
+        if let Some(fault) = self.beyond_all_room(state, &inputs) {
+            return self.fail_under(state, at, fault);
+        }
         inputs.retain(|&input| state.pairs[input].values.is_none());
         if inputs.iter().any(|&input| state.pairs[input].lost) {
             return self.spread_failure(state, at, Status::Skipped);
@@ -298,33 +464,37 @@ impl Worker<'_> {
             self.want(state, input);
         }
         if inputs.is_empty() {
-            state.ready.push(Task::Compute(at));
+            state.push(Task::Compute(at));
         }
-        self.shared.wake.notify_all();
     }
 
     /// Holds the pair's values for those who wait for them.
-    pub(super) fn hold(&self, state: &mut State, at: usize, values: Vec<Value>) {
+    pub(super) fn hold(&self, state: &mut State, at: usize, values: Vec<Arc<Kept>>) {
         let pair = &mut state.pairs[at];
         pair.materialising = false;
         let waiters = std::mem::take(&mut pair.waiters);
-        if pair.holds > 0 {
-            pair.values = Some(values);
+        match pair.holds > 0 && pair.values.is_none() {
+            true => {
+                let bytes = values.iter().map(|kept| kept.value.bytes()).sum();
+                pair.values = Some(values);
+                let frame = pair.frame;
+                state.footprints.grow(frame, bytes);
+            }
+            false => state.let_go.extend(values),
         }
         for waiter in waiters {
             state.pairs[waiter].awaited -= 1;
             if state.pairs[waiter].awaited == 0 {
-                state.ready.push(Task::Compute(waiter));
+                state.push(Task::Compute(waiter));
             }
         }
         if state.pairs[at].record.is_some() && !state.pairs[at].done && self.is_delivered(at) {
-            state.ready.push(Task::Deliver(at));
+            state.push(Task::Deliver(at));
         }
-        self.shared.wake.notify_all();
     }
 
     pub(super) fn release_inputs(&self, state: &mut State, at: usize) {
-        for input in self.shared.pairs.list[at].inputs() {
+        for input in self.pairs.list[at].inputs() {
             self.release(state, input);
         }
     }
@@ -333,12 +503,12 @@ impl Worker<'_> {
         let pair = &mut state.pairs[at];
         pair.holds -= 1;
         if pair.holds == 0 {
-            pair.values = None;
+            state.drop_values(at);
         }
     }
 
     pub(super) fn add_fault(&self, state: &mut State, at: usize, mut fault: Fault) {
-        let (pair, node) = (&self.shared.pairs.list[at], self.node(at));
+        let (pair, node) = (&self.pairs.list[at], self.node(at));
         fault.node.get_or_insert_with(|| node.id.to_string());
         fault.frame = fault.frame.or(pair.request.frame);
         if fault.place.is_none() {
@@ -350,13 +520,15 @@ impl Worker<'_> {
 
     /// The pair ends in a fault, and everything that waits for it with it. In a stopped run it just does not end.
     pub(super) fn fail(&self, at: usize, fault: Fault) {
+        self.fail_under(&mut self.shared.lock(), at, fault);
+    }
+
+    fn fail_under(&self, state: &mut State, at: usize, fault: Fault) {
         if fault.code == Code::Cancelled && self.job.cancel.is_cancelled() {
             return;
         }
-        let mut state = self.shared.lock();
-        self.add_fault(&mut state, at, fault);
-        self.spread_failure(&mut state, at, Status::Failed);
-        self.shared.wake.notify_all();
+        self.add_fault(state, at, fault);
+        self.spread_failure(state, at, Status::Failed);
     }
 
     fn spread_failure(&self, state: &mut State, at: usize, status: Status) {
@@ -375,7 +547,7 @@ impl Worker<'_> {
             let pair = &mut state.pairs[at];
             let holds_inputs = std::mem::take(&mut pair.recompute) || !pair.done && !was_resolved;
             if std::mem::take(&mut pair.awaited) > 0 {
-                for input in self.shared.pairs.list[at].inputs() {
+                for input in self.pairs.list[at].inputs() {
                     state.pairs[input].waiters.retain(|&waiter| waiter != at);
                 }
             }
@@ -385,7 +557,7 @@ impl Worker<'_> {
             self.close_target(state, at);
             stack.extend(waiters.into_iter().map(|waiter| (waiter, Status::Skipped)));
             if !was_resolved {
-                let consumers = self.shared.pairs.list[at].consumers.iter().copied();
+                let consumers = self.pairs.list[at].consumers.iter().copied();
                 stack.extend(consumers.filter(|&c| !state.pairs[c].done).map(|c| (c, Status::Skipped)));
             }
         }

@@ -1,13 +1,16 @@
 //! What is known: action key -> record, digest -> value; in memory, and on disk behind it.
 
-use std::collections::{HashMap, VecDeque};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::collections::{HashMap, hash_map};
+use std::hash::{BuildHasherDefault, Hasher};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock};
 
 use serde::{Deserialize, Serialize};
 
 use super::context::Artifact;
-use super::disk::DiskTier;
-use crate::value::{Digest, Outline, Value};
+use super::disk::{DiskTier, Table};
+use super::memory::{Charge, Lease, Memory};
+use crate::value::{Digest, Outline, Value, cut_shelf, shelf_bytes};
 
 /// What is kept of an executed action.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -16,6 +19,15 @@ pub(crate) struct Record {
     pub artifacts: Vec<Artifact>,
     pub stats: serde_json::Map<String, serde_json::Value>,
     pub seconds: f64,
+}
+
+impl Record {
+    /// Memory it takes, roughly.
+    fn bytes(&self) -> u64 {
+        let channels: usize = self.outputs.iter().map(|outline| outline.channels.len()).sum();
+        let stats = self.stats.len() * 64;
+        (512 + size_of_val(self.outputs.as_slice()) + 96 * channels + 256 * self.artifacts.len() + stats) as u64
+    }
 }
 
 /// Which values go to disk.
@@ -38,29 +50,33 @@ pub(crate) enum Tier {
 /// A disk reads and checks about this many bytes in a second; what took longer to compute is worth storing.
 const LOAD_BYTES_PER_SECOND: f64 = 400e6;
 
+/// Memory that a value takes beside its content.
+const OVERHEAD: u64 = 256;
+
+/// A value in memory. Whoever holds it keeps it there; nobody but the store may let it go.
+pub(crate) struct Kept {
+    pub value: Value,
+    /// What it costs to have it again, seconds per byte.
+    cost: f64,
+    /// When it is worth to be let go of, as the bits of an f64.
+    credit: AtomicU64,
+    /// For all of it but its planes, which carry their own.
+    _charge: Charge,
+}
+
 type Waker = Box<dyn FnOnce() + Send>;
 
 /// The two tables, and who is at work on what.
 pub(crate) struct Store {
-    records: Mutex<HashMap<Digest, Arc<Record>>>,
-    values: Mutex<Values>,
+    records: Shards<Arc<Record>>,
+    values: Shards<Arc<Kept>>,
+    /// The credit of what was let go of last, as the bits of an f64: what is used now is worth that much more.
+    level: AtomicU64,
+    evicting: Mutex<()>,
     at_work: Mutex<HashMap<Digest, Vec<Waker>>>,
+    pub memory: Arc<Memory>,
     pub disk: Option<DiskTier>,
     policy: StorePolicy,
-}
-
-/// Values in memory under a byte budget, evicted by the clock algorithm: a hit sets a flag and moves nothing.
-struct Values {
-    entries: HashMap<Digest, Entry>,
-    clock: VecDeque<Digest>,
-    bytes: u64,
-    budget: u64,
-}
-
-struct Entry {
-    value: Value,
-    bytes: u64,
-    used: bool,
 }
 
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
@@ -68,63 +84,158 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 impl Store {
-    pub fn new(budget: u64, disk: Option<DiskTier>, policy: StorePolicy) -> Self {
-        let values = Values { entries: HashMap::new(), clock: VecDeque::new(), bytes: 0, budget };
-        Self { records: Mutex::default(), values: Mutex::new(values), at_work: Mutex::default(), disk, policy }
+    pub fn new(memory: Arc<Memory>, disk: Option<DiskTier>, policy: StorePolicy) -> Self {
+        Self {
+            records: Shards::default(),
+            values: Shards::default(),
+            level: AtomicU64::new(0),
+            evicting: Mutex::default(),
+            at_work: Mutex::default(),
+            memory,
+            disk,
+            policy,
+        }
     }
 
+    /// A record that is in memory.
+    pub fn record_at_hand(&self, key: &Digest) -> Option<Arc<Record>> {
+        self.records.get(key)
+    }
+
+    /// A record, from memory or else from disk.
     pub fn record(&self, key: &Digest) -> Option<Arc<Record>> {
-        if let Some(record) = lock(&self.records).get(key) {
-            return Some(record.clone());
-        }
-        let record: Arc<Record> = Arc::new(self.disk.as_ref()?.load_json("records", key)?);
-        lock(&self.records).insert(*key, record.clone());
-        Some(record)
+        self.records.get(key).or_else(|| {
+            let record: Arc<Record> = Arc::new(self.disk.as_ref()?.load_json(Table::Records, key)?);
+            self.remember(*key, record.clone());
+            Some(record)
+        })
     }
 
     pub fn insert_record(&self, key: Digest, record: Arc<Record>) {
         if let Some(disk) = &self.disk {
-            disk.save_json("records", &key, &*record);
+            disk.save_json(Table::Records, &key, &*record);
         }
-        lock(&self.records).insert(key, record);
+        self.remember(key, record);
     }
 
-    /// A value by its digest, from memory or else from disk.
-    pub fn value(&self, outline: &Outline) -> Option<(Value, Tier)> {
-        if let Some(entry) = lock(&self.values).entries.get_mut(&outline.digest) {
-            entry.used = true;
-            return Some((entry.value.clone(), Tier::Memory));
+    fn remember(&self, key: Digest, record: Arc<Record>) {
+        self.memory.charge(record.bytes()).for_good();
+        self.records.insert(key, record);
+    }
+
+    /// A value that is in memory. A hit moves nothing and waits for nobody who reads.
+    fn value_at_hand(&self, digest: &Digest) -> Option<Arc<Kept>> {
+        let kept = self.values.get(digest)?;
+        self.renew(&kept);
+        Some(kept)
+    }
+
+    /// All outputs of a record that are in memory, if all are.
+    pub fn values_at_hand(&self, record: &Record) -> Option<Vec<Arc<Kept>>> {
+        record.outputs.iter().map(|outline| self.value_at_hand(&outline.digest)).collect()
+    }
+
+    /// A value by its digest, from memory or else from disk, where it takes memory that `lease` has.
+    pub fn value(&self, outline: &Outline, lease: &Lease) -> Option<(Arc<Kept>, Tier)> {
+        if let Some(kept) = self.value_at_hand(&outline.digest) {
+            return Some((kept, Tier::Memory));
         }
-        if !outline.storable {
-            return None;
+        let value = self.disk.as_ref().filter(|_| outline.storable)?.load_value(&outline.digest)?;
+        Some((self.keep(outline, value, 1.0 / LOAD_BYTES_PER_SECOND, lease), Tier::Disk))
+    }
+
+    /// Whether a value need not be computed.
+    pub fn has_value(&self, outline: &Outline) -> Option<Tier> {
+        if self.values.get(&outline.digest).is_some() {
+            return Some(Tier::Memory);
         }
-        let value = self.disk.as_ref()?.load_value(&outline.digest)?;
-        lock(&self.values).insert(outline.digest, value.clone(), outline.bytes);
-        Some((value, Tier::Disk))
+        let disk = self.disk.as_ref().filter(|_| outline.storable)?;
+        disk.has_value(&outline.digest).then_some(Tier::Disk)
     }
 
     /// Keeps a computed value in memory, and on disk where the policy says so.
-    pub fn insert_value(&self, outline: &Outline, value: &Value, seconds: f64) {
-        lock(&self.values).insert(outline.digest, value.clone(), outline.bytes);
-        let worth_storing = match self.policy {
-            StorePolicy::All => true,
-            StorePolicy::Auto => seconds > outline.bytes as f64 / LOAD_BYTES_PER_SECOND,
-        };
-        if let Some(disk) =
-            self.disk.as_ref().filter(|disk| worth_storing && outline.storable && !disk.has_value(&outline.digest))
-        {
-            disk.save_value(&outline.digest, value);
+    pub fn insert_value(&self, outline: &Outline, value: Value, seconds: f64, lease: &Lease) -> Arc<Kept> {
+        let per_byte = seconds / outline.bytes.max(1) as f64;
+        let worth_storing = self.policy == StorePolicy::All || per_byte > 1.0 / LOAD_BYTES_PER_SECOND;
+        let disk = self.disk.as_ref().filter(|_| worth_storing && outline.storable);
+        if let Some(disk) = disk.filter(|disk| !disk.has_value(&outline.digest)) {
+            disk.save_value(&outline.digest, &value);
+        }
+        let cost = if disk.is_some() { per_byte.min(1.0 / LOAD_BYTES_PER_SECOND) } else { per_byte };
+        self.keep(outline, value, cost, lease)
+    }
+
+    /// Keeps a value on disk whatever the policy says: it is about to leave memory, and still needed.
+    pub fn rescue(&self, outline: &Outline, kept: &Kept) {
+        let disk = self.disk.as_ref().filter(|disk| outline.storable && !disk.has_value(&outline.digest));
+        if let Some(disk) = disk {
+            disk.save_value(&outline.digest, &kept.value);
+        }
+    }
+
+    fn keep(&self, outline: &Outline, value: Value, cost: f64, lease: &Lease) -> Arc<Kept> {
+        let planes = value.planes();
+        let rest = value.bytes() - planes.iter().map(|plane| plane.bytes()).sum::<u64>();
+        for plane in planes.iter().filter(|plane| !plane.is_accompanied()) {
+            plane.accompany(Box::new(lease.pay(plane.bytes())));
+        }
+        let kept = Kept { value, cost, credit: AtomicU64::new(0), _charge: lease.pay(rest + OVERHEAD) };
+        self.renew(&kept);
+        self.values.insert_first(outline.digest, Arc::new(kept))
+    }
+
+    /// GreedyDual (Cao, Irani 1997): what is used is worth its cost per byte more than what was let go of last.
+    fn renew(&self, kept: &Kept) {
+        let credit = f64::from_bits(self.level.load(Ordering::Relaxed)) + kept.cost;
+        kept.credit.store(credit.to_bits(), Ordering::Relaxed);
+    }
+
+    /// Lets go of values that nobody holds, those of least credit first, until `bytes` more fit, or nothing is left.
+    pub fn make_room(&self, bytes: u64) -> bool {
+        let fits = || self.memory.used().saturating_add(bytes) <= self.memory.room;
+        if fits() {
+            return true;
+        }
+        let _one_at_a_time = lock(&self.evicting);
+        let mut free: Vec<(f64, Digest)> = Vec::new();
+        self.values.for_each(|digest, kept| {
+            if Arc::strong_count(kept) == 1 {
+                free.push((f64::from_bits(kept.credit.load(Ordering::Relaxed)), *digest));
+            }
+        });
+        free.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        // A little more than is asked for, so that not every value that comes has to look at all of them.
+        let spare = bytes.saturating_add(self.memory.room / 64);
+        for (credit, digest) in free {
+            if self.memory.used().saturating_add(spare) <= self.memory.room {
+                break;
+            }
+            self.level.store(credit.to_bits(), Ordering::Relaxed);
+            // Somebody may hold it by now; then it stays alive with its charge, and out of the table.
+            drop(self.values.remove(&digest));
+        }
+        let fits = fits();
+        if !fits && shelf_bytes() > 0 {
+            cut_shelf(0);
+        }
+        fits
+    }
+
+    /// Lets go of what is over the bound since its last holder let go of it.
+    pub fn settle(&self) {
+        if self.memory.is_over() {
+            self.make_room(0);
         }
     }
 
     /// Takes the work on `key`, or, if somebody has it, arranges for `waker` to be called when they are done.
     pub fn take_work(&self, key: Digest, waker: impl FnOnce() + Send + 'static) -> bool {
         match lock(&self.at_work).entry(key) {
-            std::collections::hash_map::Entry::Vacant(entry) => {
+            hash_map::Entry::Vacant(entry) => {
                 entry.insert(Vec::new());
                 true
             }
-            std::collections::hash_map::Entry::Occupied(mut entry) => {
+            hash_map::Entry::Occupied(mut entry) => {
                 entry.get_mut().push(Box::new(waker));
                 false
             }
@@ -138,23 +249,62 @@ impl Store {
     }
 }
 
-impl Values {
-    fn insert(&mut self, digest: Digest, value: Value, bytes: u64) {
-        if bytes > self.budget || self.entries.contains_key(&digest) {
-            return;
+/// A table by digest in parts, so that threads seldom meet at a lock.
+struct Shards<V>([RwLock<HashMap<Digest, V, BuildHasherDefault<ByDigest>>>; 64]);
+
+impl<V> Default for Shards<V> {
+    fn default() -> Self {
+        Self(std::array::from_fn(|_| RwLock::default()))
+    }
+}
+
+impl<V: Clone> Shards<V> {
+    fn shard(&self, digest: &Digest) -> &RwLock<HashMap<Digest, V, BuildHasherDefault<ByDigest>>> {
+        // Not a byte that the table's own hash is made of.
+        &self.0[usize::from(digest.0[31]) % self.0.len()]
+    }
+
+    fn get(&self, digest: &Digest) -> Option<V> {
+        self.shard(digest).read().unwrap_or_else(PoisonError::into_inner).get(digest).cloned()
+    }
+
+    fn insert(&self, digest: Digest, value: V) {
+        self.shard(&digest).write().unwrap_or_else(PoisonError::into_inner).insert(digest, value);
+    }
+
+    /// Keeps what is there, and gives it.
+    fn insert_first(&self, digest: Digest, value: V) -> V {
+        let mut shard = self.shard(&digest).write().unwrap_or_else(PoisonError::into_inner);
+        shard.entry(digest).or_insert(value).clone()
+    }
+
+    fn remove(&self, digest: &Digest) -> Option<V> {
+        self.shard(digest).write().unwrap_or_else(PoisonError::into_inner).remove(digest)
+    }
+
+    fn for_each(&self, mut visit: impl FnMut(&Digest, &V)) {
+        for shard in &self.0 {
+            let shard = shard.read().unwrap_or_else(PoisonError::into_inner);
+            shard.iter().for_each(|(digest, value)| visit(digest, value));
         }
-        while self.bytes + bytes > self.budget {
-            let Some(oldest) = self.clock.pop_front() else { break };
-            let Some(entry) = self.entries.get_mut(&oldest) else { continue };
-            if std::mem::take(&mut entry.used) {
-                self.clock.push_back(oldest);
-            } else if let Some(entry) = self.entries.remove(&oldest) {
-                self.bytes -= entry.bytes;
-            }
-        }
-        self.bytes += bytes;
-        self.entries.insert(digest, Entry { value, bytes, used: false });
-        self.clock.push_back(digest);
+    }
+}
+
+/// A digest is its own hash.
+#[derive(Default)]
+struct ByDigest(u64);
+
+impl Hasher for ByDigest {
+    fn finish(&self) -> u64 {
+        self.0
+    }
+
+    fn write(&mut self, _: &[u8]) {
+        unreachable!("a digest hashes as one number")
+    }
+
+    fn write_u64(&mut self, number: u64) {
+        self.0 = number;
     }
 }
 
@@ -162,23 +312,62 @@ impl Values {
 mod tests {
     use super::*;
 
+    fn numbers(count: u32) -> (Vec<Value>, Vec<Outline>) {
+        let numbers: Vec<Value> = (0..count).map(|i| Value::Number(f64::from(i))).collect();
+        let outlines = numbers.iter().map(Outline::of).collect();
+        (numbers, outlines)
+    }
+
+    /// A store with room for so many numbers.
+    fn store(count: u64) -> Store {
+        Store::new(Memory::new(count * (OVERHEAD + 8) * 64 / 63), None, StorePolicy::Auto)
+    }
+
+    fn insert(store: &Store, outline: &Outline, value: &Value, seconds: f64) {
+        let lease = store.memory.lease();
+        store.make_room(OVERHEAD + 8);
+        drop(store.insert_value(outline, value.clone(), seconds, &lease));
+    }
+
+    fn kept(store: &Store, outlines: &[Outline]) -> Vec<bool> {
+        outlines.iter().map(|outline| store.values.get(&outline.digest).is_some()).collect()
+    }
+
     #[test]
-    fn the_clock_keeps_what_is_used_within_the_budget() {
-        let store = Store::new(40, None, StorePolicy::Auto);
-        let numbers: Vec<Value> = (0..8).map(|i| Value::Number(f64::from(i))).collect();
-        let outlines: Vec<Outline> = numbers.iter().map(Outline::of).collect();
-        for (outline, value) in outlines.iter().zip(&numbers).take(5) {
-            store.insert_value(outline, value, 0.0);
+    fn what_is_cheap_per_byte_goes_first_and_use_keeps() {
+        let (numbers, outlines) = numbers(6);
+        let store = store(4);
+        for (at, seconds) in [8.0, 2.0, 4.0, 2.5].into_iter().enumerate() {
+            insert(&store, &outlines[at], &numbers[at], seconds);
         }
-        assert!(store.value(&outlines[0]).is_some());
-        store.insert_value(&outlines[5], &numbers[5], 0.0);
-        let kept: Vec<bool> = outlines.iter().map(|outline| store.value(outline).is_some()).collect();
-        assert_eq!(kept, [true, false, true, true, true, true, false, false]);
+        insert(&store, &outlines[4], &numbers[4], 4.0);
+        assert_eq!(kept(&store, &outlines), [true, false, true, true, true, false], "the cheapest went");
+        // What came later is worth 2 more, and what is used now is too: 3 has 2.5 + 2 and outlives 2 with 4.
+        assert!(store.value_at_hand(&outlines[3].digest).is_some());
+        insert(&store, &outlines[5], &numbers[5], 4.0);
+        assert_eq!(kept(&store, &outlines), [true, false, false, true, true, true]);
+    }
+
+    #[test]
+    fn what_is_held_stays_and_its_bytes_are_counted_until_it_is_not() {
+        let (numbers, outlines) = numbers(3);
+        let store = store(1);
+        insert(&store, &outlines[0], &numbers[0], 1.0);
+        let held = store.value_at_hand(&outlines[0].digest);
+        insert(&store, &outlines[1], &numbers[1], 1.0);
+        assert_eq!(kept(&store, &outlines), [true, true, false]);
+        assert!(store.memory.is_over());
+        store.settle();
+        assert_eq!(kept(&store, &outlines), [true, false, false]);
+        drop(held);
+        assert!(!store.memory.is_over());
+        insert(&store, &outlines[2], &numbers[2], 1.0);
+        assert_eq!(kept(&store, &outlines), [false, false, true]);
     }
 
     #[test]
     fn work_is_taken_once_and_waiters_are_woken() {
-        let store = Store::new(0, None, StorePolicy::Auto);
+        let store = store(1);
         let key = Digest([1; 32]);
         let woken = Arc::new(Mutex::new(0));
         assert!(store.take_work(key, || unreachable!("the taker does not wait")));

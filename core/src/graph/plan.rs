@@ -1,17 +1,18 @@
 //! A checked graph: names resolved, defaults filled, order known. Whoever runs it needs no other knowledge.
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use serde_json::Value as Json;
 
 use super::frames;
 use super::source::{At, Sources};
 use crate::diag::{Code, Fault, Place};
+use crate::engine::Pairs;
 use crate::node::Request;
 use crate::registry::{AnyNode, NodeType};
 use crate::schema::{Access, IntRange, Range, Shape, shown};
-use crate::value::Reads;
+use crate::value::{Digest, Reads};
 
 /// A checked, ordered graph.
 pub struct Plan {
@@ -27,6 +28,8 @@ pub struct Plan {
     pub frames: Vec<i64>,
     /// The texts it was made from.
     pub sources: Sources,
+    /// What it asks of which node, followed once.
+    pub(crate) pairs: OnceLock<Pairs>,
 }
 
 /// A node of a plan.
@@ -49,6 +52,8 @@ pub struct PlanNode {
     pub at: At,
     /// Where the parameters stand that are given.
     pub param_at: Vec<(String, At)>,
+    /// What its keys begin with, where that is the same for all its pairs.
+    pub(crate) recipe: OnceLock<Digest>,
 }
 
 /// One connection.
@@ -125,6 +130,11 @@ impl Plan {
         self.nodes.iter().position(|node| &*node.id == id)
     }
 
+    /// Every pair of a run.
+    pub(crate) fn pairs(&self) -> &Pairs {
+        self.pairs.get_or_init(|| Pairs::expand(self))
+    }
+
     /// Where a parameter of a node stands, or the node if it is not given.
     pub fn place(&self, node: usize, param: Option<&str>) -> Place {
         let node = &self.nodes[node];
@@ -150,12 +160,12 @@ impl Plan {
             .map(|path| frames::folded(&path))
     }
 
-    /// Parameters of a node at a frame; `links` are the values of the node's links.
+    /// Parameters of a node at a frame; `links` are the values of the node's links, where they are known.
     pub fn params_at(
         &self,
         node: usize,
         frame: Option<i64>,
-        links: &[f64],
+        links: &[Option<f64>],
     ) -> Result<serde_json::Map<String, Json>, Fault> {
         let params = &self.nodes[node].params;
         let mut json = params.json.clone();
@@ -163,7 +173,10 @@ impl Plan {
             let value = match &hole.source {
                 // A node with Keys is never asked without a frame: the check gave it one.
                 Source::Keys(keys) => interpolate(keys, frame.unwrap_or_default()),
-                Source::Link(link) => links[*link],
+                Source::Link(link) => match links[*link] {
+                    Some(value) => value,
+                    None => continue,
+                },
             };
             let filled = fill(&hole.shape, value).map_err(|allowed| {
                 let name = match &hole.path[0] {
@@ -180,14 +193,29 @@ impl Plan {
             })?;
             *target(&mut json, &hole.path) = filled;
         }
-        let folder = self.graph.parent().unwrap_or(Path::new(""));
         for (name, _) in &params.paths {
             if let (Some(frame), Some(Json::String(path))) = (frame, json.get_mut(name)) {
-                let (folder, rest) = frames::split_folder(path, folder);
-                *path = format!("{folder}{}", frames::expand_pattern(rest, frame));
+                *path = self.path_at(path, frame);
             }
         }
         Ok(json)
+    }
+
+    fn path_at(&self, path: &str, frame: i64) -> String {
+        let folder = self.graph.parent().unwrap_or(Path::new(""));
+        let (folder, rest) = frames::split_folder(path, folder);
+        format!("{folder}{}", frames::expand_pattern(rest, frame))
+    }
+
+    /// The files that a node reads or writes at a frame, and the parameters that name them. A path is text, and text
+    /// is never linked.
+    pub fn files_at(&self, node: usize, frame: Option<i64>, access: Access) -> impl Iterator<Item = (&str, PathBuf)> {
+        let params = &self.nodes[node].params;
+        let named = params.paths.iter().filter(move |(_, is)| *is == access);
+        named.filter_map(move |(name, _)| {
+            let path = params.json.get(name)?.as_str()?;
+            Some((name.as_str(), frame.map_or_else(|| path.into(), |frame| self.path_at(path, frame).into())))
+        })
     }
 }
 

@@ -44,9 +44,13 @@ pub struct Buffer<T> {
     sample: PhantomData<T>,
 }
 
+/// Whatever is to live as long as the samples of a buffer.
+pub type Companion = Box<dyn Send + Sync>;
+
 struct Shared {
     storage: Box<dyn Storage>,
     digest: OnceLock<Digest>,
+    companion: OnceLock<Companion>,
 }
 
 impl<T: Sample> Buffer<T> {
@@ -54,7 +58,7 @@ impl<T: Sample> Buffer<T> {
     pub fn from_storage(storage: Box<dyn Storage>, width: usize, height: usize, stride: usize) -> Self {
         assert!(stride.is_multiple_of(SAMPLES_PER_LINE) && width <= stride, "stride {stride} for rows of {width}");
         assert!(storage.bytes().len() >= stride * height * size_of::<T>(), "storage is too small");
-        let shared = Arc::new(Shared { storage, digest: OnceLock::new() });
+        let shared = Arc::new(Shared { storage, digest: OnceLock::new(), companion: OnceLock::new() });
         Self { shared, width, height, stride, sample: PhantomData }
     }
 
@@ -101,6 +105,16 @@ impl<T: Sample> Buffer<T> {
     /// Bytes of memory the samples take.
     pub fn bytes(&self) -> u64 {
         (self.stride * self.height * size_of::<T>()) as u64
+    }
+
+    /// Whether something lives with these samples already.
+    pub(crate) fn is_accompanied(&self) -> bool {
+        self.shared.companion.get().is_some()
+    }
+
+    /// Lets `companion` live as long as the samples, whoever shares them; the first one stays.
+    pub(crate) fn accompany(&self, companion: Companion) {
+        let _ = self.shared.companion.set(companion);
     }
 
     /// Digest of shape and samples (gaps left out), computed once per buffer: BLAKE3 of the digests of bands of
@@ -202,7 +216,7 @@ impl<T: Sample> BufferMut<T> {
     }
 }
 
-/// Heap lines. Large ones go back to a small shelf when dropped: fresh pages cost more than most kernels
+/// Heap lines. Large ones go to a shelf when dropped, to be used again: fresh pages cost more than most kernels
 /// (67 ms for 132 MB where hashing it takes 26 ms).
 struct Heap {
     lines: Vec<Line>,
@@ -210,23 +224,74 @@ struct Heap {
 
 const SHELF_FLOOR: usize = (1 << 20) / size_of::<Line>();
 const SHELF_CAPACITY: usize = (512 << 20) / size_of::<Line>();
-static SHELF: Mutex<Vec<Vec<Line>>> = Mutex::new(Vec::new());
 
-fn shelf() -> std::sync::MutexGuard<'static, Vec<Vec<Line>>> {
-    SHELF.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
+/// Memory that no buffer uses and that was not given back; the oldest comes first.
+static SHELF: Mutex<Shelf> = Mutex::new(Shelf { heaps: Vec::new(), len: 0 });
+
+struct Shelf {
+    heaps: Vec<Vec<Line>>,
+    /// Lines in all of them.
+    len: usize,
+}
+
+impl Shelf {
+    fn lock() -> std::sync::MutexGuard<'static, Self> {
+        SHELF.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
+    }
+
+    /// The heap of just this length, or, if there is none, none; then others make room for a fresh one.
+    fn take(len: usize) -> Option<Vec<Line>> {
+        let mut shelf = Self::lock();
+        let Some(at) = shelf.heaps.iter().position(|heap| heap.len() == len) else {
+            let keep = shelf.len.saturating_sub(len);
+            let given_back = shelf.cut(keep);
+            drop(shelf);
+            drop(given_back);
+            return None;
+        };
+        shelf.len -= len;
+        Some(shelf.heaps.swap_remove(at))
+    }
+
+    fn put(heap: Vec<Line>) {
+        let mut shelf = Self::lock();
+        shelf.len += heap.len();
+        shelf.heaps.push(heap);
+        let given_back = shelf.cut(SHELF_CAPACITY);
+        // Giving memory back takes time: not under the lock.
+        drop(shelf);
+        drop(given_back);
+    }
+
+    /// Takes out the oldest heaps until at most `keep` lines are left.
+    fn cut(&mut self, keep: usize) -> Vec<Vec<Line>> {
+        let mut count = 0;
+        while self.len > keep {
+            self.len -= self.heaps[count].len();
+            count += 1;
+        }
+        self.heaps.drain(..count).collect()
+    }
+}
+
+/// Bytes that lie ready for new buffers. They are resident and hold nothing.
+pub(crate) fn shelf_bytes() -> u64 {
+    (Shelf::lock().len * size_of::<Line>()) as u64
+}
+
+/// Gives memory that lies ready for new buffers back to the system until at most `keep` bytes are left.
+pub(crate) fn cut_shelf(keep: u64) {
+    let given_back = Shelf::lock().cut(usize::try_from(keep).unwrap_or(usize::MAX) / size_of::<Line>());
+    drop(given_back);
 }
 
 impl Heap {
     fn zeroed(len: usize) -> Self {
-        if len >= SHELF_FLOOR {
-            let recycled = {
-                let mut shelf = shelf();
-                shelf.iter().position(|lines| lines.len() == len).map(|at| shelf.swap_remove(at))
-            };
-            if let Some(mut lines) = recycled {
-                lines.par_chunks_mut(1 << 14).for_each(|chunk| chunk.fill(bytemuck::Zeroable::zeroed()));
-                return Self { lines };
-            }
+        if len >= SHELF_FLOOR
+            && let Some(mut lines) = Shelf::take(len)
+        {
+            lines.par_chunks_mut(1 << 14).for_each(|chunk| chunk.fill(bytemuck::Zeroable::zeroed()));
+            return Self { lines };
         }
         Self { lines: bytemuck::allocation::zeroed_vec(len) }
     }
@@ -241,13 +306,8 @@ impl Storage for Heap {
 impl Drop for Heap {
     fn drop(&mut self) {
         let lines = std::mem::take(&mut self.lines);
-        if lines.len() < SHELF_FLOOR {
-            return;
-        }
-        let mut shelf = shelf();
-        shelf.push(lines);
-        while shelf.iter().map(Vec::len).sum::<usize>() > SHELF_CAPACITY {
-            shelf.remove(0);
+        if lines.len() >= SHELF_FLOOR {
+            Shelf::put(lines);
         }
     }
 }

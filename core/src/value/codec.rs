@@ -1,14 +1,12 @@
 //! Values as bytes, for the disk tier: a JSON header, then raw little-endian blocks.
-//!
-//! The bytes carry no checksum of their own: whoever reads them back compares the decoded value's digest with the
-//! one it asked for.
 
+use std::io::{self, Read, Write};
 use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
 use super::{
-    Buffer, BufferMut, Channel, Component, Direction, Field, Grid, Image, Labels, Layer, Mask, Mesh, Metadata, Plane,
+    Buffer, BufferMut, Channel, Component, Digest, Direction, Field, Grid, Image, Labels, Layer, Mask, Mesh, Metadata, Plane,
     Points, Raster, Rect, Sample, SampleType, Value, Warp, Windows,
 };
 
@@ -35,31 +33,26 @@ struct LayerHeader {
     channels: Vec<(String, SampleType, bool)>,
 }
 
-/// The bytes of a value; `None` for kinds that live in memory only.
-pub fn encode(value: &Value) -> Option<Vec<u8>> {
-    let header = serde_json::to_vec(&header(value)?).ok()?;
-    let mut bytes = Vec::with_capacity(8 + header.len() + value.bytes() as usize);
-    bytes.extend_from_slice(&(header.len() as u64).to_le_bytes());
-    bytes.extend_from_slice(&header);
-    match value {
-        Value::Image(image) => {
-            for channel in image.layers.iter().flat_map(|layer| &layer.channels) {
-                match &channel.plane {
-                    Plane::F32(buffer) => push_rows(&mut bytes, buffer),
-                    Plane::U32(buffer) => push_rows(&mut bytes, buffer),
-                }
-            }
+/// Writes the bytes of a value. Kinds that live in memory only ([`Value::is_storable`]) are an error.
+///
+/// First the checksum, length and text of the header, then the large arrays: their bytes are all in the value's digest.
+pub fn encode(value: &Value, out: &mut dyn Write) -> io::Result<()> {
+    let header = header(value).ok_or_else(|| io::Error::from(io::ErrorKind::Unsupported))?;
+    let header = serde_json::to_vec(&header)?;
+    out.write_all(&Digest::of_bytes(&header).0)?;
+    out.write_all(&(header.len() as u64).to_le_bytes())?;
+    out.write_all(&header)?;
+    for plane in value.planes() {
+        match &plane {
+            Plane::F32(buffer) => write_rows(out, buffer)?,
+            Plane::U32(buffer) => write_rows(out, buffer)?,
         }
-        Value::Mask(mask) => push_rows(&mut bytes, &mask.0.samples),
-        Value::Field(field) => push_rows(&mut bytes, &field.0.samples),
-        Value::Labels(labels) => push_rows(&mut bytes, &labels.raster.samples),
-        Value::Warp(warp) => {
-            bytes.extend_from_slice(bytemuck::cast_slice(&warp.x));
-            bytes.extend_from_slice(bytemuck::cast_slice(&warp.y));
-        }
-        _ => {}
     }
-    Some(bytes)
+    if let Value::Warp(warp) = value {
+        out.write_all(bytemuck::cast_slice(&warp.x))?;
+        out.write_all(bytemuck::cast_slice(&warp.y))?;
+    }
+    Ok(())
 }
 
 fn header(value: &Value) -> Option<Header> {
@@ -97,23 +90,50 @@ fn image_header(image: &Image) -> Header {
     }
 }
 
-fn push_rows<T: Sample>(blocks: &mut Vec<u8>, buffer: &Buffer<T>) {
-    for row in buffer.rows() {
-        blocks.extend_from_slice(bytemuck::cast_slice(row));
+fn write_rows<T: Sample>(out: &mut dyn Write, buffer: &Buffer<T>) -> io::Result<()> {
+    if buffer.width() == buffer.stride() {
+        return out.write_all(bytemuck::cast_slice(buffer.samples()));
+    }
+    buffer.rows().try_for_each(|row| out.write_all(bytemuck::cast_slice(row)))
+}
+
+/// The value that [`encode`] wrote, from a file of `size` bytes; `None` if the bytes are anything else. The caller
+/// compares the value's digest with the one it asked for. Nothing larger than the file is allocated.
+pub fn decode(input: &mut dyn Read, size: u64) -> io::Result<Option<Value>> {
+    match read_value(&mut Blocks { input, left: size }) {
+        Ok(value) => Ok(Some(value)),
+        Err(Broken::Content) => Ok(None),
+        Err(Broken::Input(error)) if error.kind() == io::ErrorKind::UnexpectedEof => Ok(None),
+        Err(Broken::Input(error)) => Err(error),
     }
 }
 
-/// The value that [`encode`] wrote; `None` if the bytes are anything else.
-pub fn decode(bytes: &[u8]) -> Option<Value> {
-    let (length, rest) = bytes.split_at_checked(8)?;
-    let length = usize::try_from(u64::from_le_bytes(length.try_into().ok()?)).ok()?;
-    let (header, blocks) = rest.split_at_checked(length)?;
-    let mut blocks = Blocks(blocks);
-    let value = match serde_json::from_slice(header).ok()? {
+/// Why bytes give no value.
+enum Broken {
+    /// They are not what was written.
+    Content,
+    /// They cannot be read.
+    Input(io::Error),
+}
+
+impl From<io::Error> for Broken {
+    fn from(error: io::Error) -> Self {
+        Broken::Input(error)
+    }
+}
+
+fn read_value(blocks: &mut Blocks<'_>) -> Result<Value, Broken> {
+    let checksum = blocks.bytes(32)?;
+    let length = blocks.bytes(8)?.try_into().map_or(0, u64::from_le_bytes);
+    let header = blocks.bytes(length)?;
+    if Digest::of_bytes(&header).0 != *checksum {
+        return Err(Broken::Content);
+    }
+    let value = match serde_json::from_slice(&header).map_err(|_| Broken::Content)? {
         Header::Image { display, pixel_aspect, metadata, layers } => {
-            let layers = layers.into_iter().map(|layer| read_layer(layer, &mut blocks)).collect::<Option<Vec<_>>>()?;
+            let layers = layers.into_iter().map(|layer| read_layer(layer, blocks)).collect::<Result<Vec<_>, _>>()?;
             if layers.is_empty() {
-                return None;
+                return Err(Broken::Content);
             }
             Image { display, pixel_aspect, metadata: Arc::new(metadata), layers }.into()
         }
@@ -122,7 +142,7 @@ pub fn decode(bytes: &[u8]) -> Option<Value> {
         Header::Labels { windows, table } => Labels { raster: blocks.raster(windows)?, table }.into(),
         Header::Grid(grid) => grid.into(),
         Header::Warp { grid, direction } => {
-            let count = grid.nodes[0].checked_mul(grid.nodes[1])?;
+            let count = grid.nodes[0].checked_mul(grid.nodes[1]).ok_or(Broken::Content)?;
             let (x, y) = (blocks.numbers(count)?, blocks.numbers(count)?);
             Warp { grid, direction, x: Arc::new(x), y: Arc::new(y) }.into()
         }
@@ -131,10 +151,10 @@ pub fn decode(bytes: &[u8]) -> Option<Value> {
         Header::Number(bits) => Value::Number(f64::from_bits(bits)),
         Header::Text(text) => Value::Text(text.into()),
     };
-    blocks.0.is_empty().then_some(value)
+    if blocks.left > 0 { Err(Broken::Content) } else { Ok(value) }
 }
 
-fn read_layer(layer: LayerHeader, blocks: &mut Blocks<'_>) -> Option<Layer> {
+fn read_layer(layer: LayerHeader, blocks: &mut Blocks<'_>) -> Result<Layer, Broken> {
     let (width, height) = (layer.data.width(), layer.data.height());
     let mut channels = Vec::with_capacity(layer.channels.len());
     for (name, sample_type, is_uint) in layer.channels {
@@ -144,38 +164,51 @@ fn read_layer(layer: LayerHeader, blocks: &mut Blocks<'_>) -> Option<Layer> {
         };
         channels.push(Channel { name: name.into(), sample_type, plane });
     }
-    Some(Layer { name: layer.name.into(), data: layer.data, channels, metadata: Arc::new(layer.metadata) })
+    Ok(Layer { name: layer.name.into(), data: layer.data, channels, metadata: Arc::new(layer.metadata) })
 }
 
-/// The blocks not read yet. Lengths are checked before anything is allocated.
-struct Blocks<'a>(&'a [u8]);
+/// What is left of a file. Lengths are held against it before anything is allocated.
+struct Blocks<'a> {
+    input: &'a mut dyn Read,
+    left: u64,
+}
 
-impl<'a> Blocks<'a> {
-    fn take(&mut self, length: usize) -> Option<&'a [u8]> {
-        let (block, rest) = self.0.split_at_checked(length)?;
-        self.0 = rest;
-        Some(block)
+impl Blocks<'_> {
+    fn take(&mut self, length: u64) -> Result<(), Broken> {
+        self.left = self.left.checked_sub(length).ok_or(Broken::Content)?;
+        Ok(())
     }
 
-    fn buffer<T: Sample>(&mut self, width: usize, height: usize) -> Option<Buffer<T>> {
-        let row_bytes = width.checked_mul(size_of::<T>())?;
-        let block = self.take(row_bytes.checked_mul(height)?)?;
-        let mut buffer = BufferMut::<T>::zeroed(width, if width == 0 { 0 } else { height });
-        if width > 0 {
-            for (y, row) in block.chunks_exact(row_bytes).enumerate() {
-                bytemuck::cast_slice_mut(buffer.row_mut(y)).copy_from_slice(row);
-            }
-            return Some(buffer.freeze());
+    fn bytes(&mut self, length: u64) -> Result<Vec<u8>, Broken> {
+        self.take(length)?;
+        let mut bytes = vec![0; usize::try_from(length).map_err(|_| Broken::Content)?];
+        self.input.read_exact(&mut bytes)?;
+        Ok(bytes)
+    }
+
+    fn buffer<T: Sample>(&mut self, width: usize, height: usize) -> Result<Buffer<T>, Broken> {
+        if width == 0 {
+            return Ok(BufferMut::zeroed(0, height).freeze());
         }
-        Some(BufferMut::zeroed(0, height).freeze())
+        let bytes = (width as u128 * height as u128).checked_mul(size_of::<T>() as u128).ok_or(Broken::Content)?;
+        self.take(u64::try_from(bytes).map_err(|_| Broken::Content)?)?;
+        let mut buffer = BufferMut::<T>::zeroed(width, height);
+        if buffer.stride() == width {
+            self.input.read_exact(bytemuck::cast_slice_mut(buffer.samples_mut()))?;
+        } else {
+            (0..height).try_for_each(|y| self.input.read_exact(bytemuck::cast_slice_mut(buffer.row_mut(y))))?;
+        }
+        Ok(buffer.freeze())
     }
 
-    fn raster<T: Sample>(&mut self, windows: Windows) -> Option<Raster<T>> {
-        Some(Raster { windows, samples: self.buffer(windows.data.width(), windows.data.height())? })
+    fn raster<T: Sample>(&mut self, windows: Windows) -> Result<Raster<T>, Broken> {
+        Ok(Raster { windows, samples: self.buffer(windows.data.width(), windows.data.height())? })
     }
 
-    fn numbers(&mut self, count: usize) -> Option<Vec<f64>> {
-        let block = self.take(count.checked_mul(8)?)?;
-        Some(block.chunks_exact(8).map(|bytes| f64::from_le_bytes(bytes.try_into().unwrap_or_default())).collect())
+    fn numbers(&mut self, count: usize) -> Result<Vec<f64>, Broken> {
+        self.take((count as u64).checked_mul(8).ok_or(Broken::Content)?)?;
+        let mut numbers = vec![0.0; count];
+        self.input.read_exact(bytemuck::cast_slice_mut(&mut numbers))?;
+        Ok(numbers)
     }
 }

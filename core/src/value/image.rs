@@ -126,6 +126,22 @@ impl Plane {
             Plane::U32(buffer) => buffer.bytes(),
         }
     }
+
+    /// See [`Buffer::is_accompanied`].
+    pub(crate) fn is_accompanied(&self) -> bool {
+        match self {
+            Plane::F32(buffer) => buffer.is_accompanied(),
+            Plane::U32(buffer) => buffer.is_accompanied(),
+        }
+    }
+
+    /// See [`Buffer::accompany`].
+    pub(crate) fn accompany(&self, companion: super::Companion) {
+        match self {
+            Plane::F32(buffer) => buffer.accompany(companion),
+            Plane::U32(buffer) => buffer.accompany(companion),
+        }
+    }
 }
 
 /// One named plane of a layer.

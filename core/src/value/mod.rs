@@ -11,7 +11,8 @@ mod warp;
 use std::any::Any;
 use std::sync::Arc;
 
-pub use buffer::{Buffer, BufferMut, Sample, Storage};
+pub(crate) use buffer::{cut_shelf, shelf_bytes};
+pub use buffer::{Buffer, BufferMut, Companion, Sample, Storage};
 pub use codec::{decode, encode};
 pub use digest::{Digest, Hasher};
 pub use image::{Attribute, Channel, Image, Layer, Metadata, Plane, Rect, SampleType, Windows};
@@ -248,6 +249,20 @@ impl Value {
             Value::Number(_) => 8,
             Value::Text(text) => text.len() as u64,
             Value::Plugin(value) => value.bytes,
+        }
+    }
+
+    /// Its planes of samples, in order; they share the samples.
+    pub(crate) fn planes(&self) -> Vec<Plane> {
+        match self {
+            Value::Image(image) => {
+                let channels = image.layers.iter().flat_map(|layer| &layer.channels);
+                channels.map(|channel| channel.plane.clone()).collect()
+            }
+            Value::Mask(mask) => vec![Plane::F32(mask.0.samples.clone())],
+            Value::Field(field) => vec![Plane::F32(field.0.samples.clone())],
+            Value::Labels(labels) => vec![Plane::U32(labels.raster.samples.clone())],
+            _ => Vec::new(),
         }
     }
 

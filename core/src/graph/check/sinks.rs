@@ -1,5 +1,6 @@
 //! Targets, frames and files: what a run would do, as far as that can be told beforehand.
 
+use std::sync::OnceLock;
 use std::collections::HashMap;
 use std::path::Path;
 
@@ -59,11 +60,13 @@ pub(super) fn finish(graph: Graph, wired: Wired, options: &Options, report: &mut
             is_static: !varies[index],
             at: draft.at,
             param_at: draft.param_at,
+            recipe: OnceLock::new(),
         });
     }
     let graph_file = std::path::absolute(options.file).unwrap_or_else(|_| options.file.to_owned());
     let order = wired.order.into_iter().filter(|&index| reached[index]).collect();
-    let plan = Plan { graph: graph_file, nodes, targets, order, frames: graph.frames, sources: Sources::default() };
+    let (frames, sources) = (graph.frames, Sources::default());
+    let plan = Plan { graph: graph_file, nodes, targets, order, frames, sources, pairs: OnceLock::new() };
     (Some(plan), warnings)
 }
 

@@ -1,0 +1,210 @@
+//! Who gets memory, and when: what keeps a run within its bound, whatever it is made of.
+//!
+//! A task that needs memory takes a lease. If there is no room, values that nobody holds are let go of; if that is not
+//! enough it waits until another lease ends. A node that asks for more than there is while others are at work ends
+//! and starts again later, with what it asked for taken in advance. What is alone and still has no room has the values
+//! held for others let go of, which are found or computed again; only if that is not enough is it refused. The oldest
+//! frame comes first, so one task can always go on, and nothing waits for ever: values that were let go of again and
+//! again are not any more, so whoever needs their room is refused.
+
+use super::memory::{Lease, Purpose};
+use super::run::PairControl;
+use super::schedule::{State, Task, Worker};
+use crate::diag::{Code, Fault};
+use crate::node::{ErrorClass, NodeError};
+
+/// How often a pair's values are let go of for others before that is taken for going round in circles.
+const MOST_SPILLS: u8 = 8;
+
+/// What pairs and frames take, as far as this run has seen.
+pub(crate) struct Footprints {
+    /// Per node, most bytes one of its pairs asked for.
+    asked: Vec<u64>,
+    /// Per frame, bytes of values that are held.
+    held: Vec<u64>,
+    /// The same of all frames.
+    all_held: u64,
+    /// Most bytes that one frame took.
+    largest: u64,
+}
+
+impl Footprints {
+    pub fn new(nodes: usize, frames: usize) -> Self {
+        Self { asked: vec![0; nodes], held: vec![0; frames], all_held: 0, largest: 0 }
+    }
+
+    pub fn grow(&mut self, frame: usize, bytes: u64) {
+        self.held[frame] += bytes;
+        self.all_held += bytes;
+        self.largest = self.largest.max(self.held[frame]);
+    }
+
+    pub fn shrink(&mut self, frame: usize, bytes: u64) {
+        self.held[frame] -= bytes;
+        self.all_held -= bytes;
+    }
+
+    /// A pair of that node asked for so much.
+    pub fn learn(&mut self, node: usize, frame: usize, asked: u64) {
+        self.asked[node] = self.asked[node].max(asked);
+        self.largest = self.largest.max(self.held[frame] + asked);
+    }
+}
+
+impl Worker<'_> {
+    /// The next task, with the lease it needs.
+    pub(super) fn next(&self, state: &mut State) -> Option<(Task, Option<Lease>)> {
+        while let Some(task) = state.ready.pop() {
+            if !task.needs_memory() {
+                return Some((task, None));
+            }
+            let at = task.pair();
+            if let Task::Compute(at) = task
+                && self.needed(at).iter().any(|&input| state.pairs[input].values.is_none())
+            {
+                // They were let go of since.
+                self.gather(state, at);
+                continue;
+            }
+            let is_older = |other: &Task| state.pairs[other.pair()].frame < state.pairs[at].frame;
+            if !state.starved.iter().any(is_older)
+                && let Some(lease) = self.lease(state, task)
+            {
+                return Some((task, Some(lease)));
+            }
+            state.starved.push(task);
+        }
+        None
+    }
+
+    /// A lease of what a task is known to need; none if it has to wait for others.
+    fn lease(&self, state: &mut State, task: Task) -> Option<Lease> {
+        let store = &self.engine.store;
+        let at = task.pair();
+        let bytes = match task {
+            Task::Compute(at) => state.footprints.asked[self.pairs.list[at].node],
+            Task::Load(at) => {
+                let record = state.pairs[at].record.as_ref();
+                record.map_or(0, |record| record.outputs.iter().map(|outline| outline.bytes).sum())
+            }
+            _ => 0,
+        };
+        let is_alone = store.memory.leases() == 0;
+        let lease = store.memory.lease();
+        if lease.advance(bytes) || store.make_room(bytes) && lease.advance(bytes) {
+            return Some(lease);
+        }
+        if !is_alone {
+            return None;
+        }
+        self.spill(state, at);
+        if store.make_room(bytes) {
+            lease.advance(bytes);
+        }
+        // If it was still too much, the task is refused when it asks.
+        Some(lease)
+    }
+
+    /// Tasks that waited for memory try again.
+    pub(super) fn feed(&self, state: &mut State) {
+        for task in std::mem::take(&mut state.starved) {
+            state.push(task);
+        }
+    }
+
+    /// Lets go of all values that are held for others than `at`, to disk where there is one. Whether there were any.
+    fn spill(&self, state: &mut State, at: usize) -> bool {
+        let needed = self.needed(at);
+        let mut spilled = false;
+        for other in (0..state.pairs.len()).filter(|other| *other != at && needed.binary_search(other).is_err()) {
+            let pair = &mut state.pairs[other];
+            if pair.values.is_none() || pair.spills == MOST_SPILLS {
+                continue;
+            }
+            pair.spills += 1;
+            let outlines = pair.record.iter().flat_map(|record| &record.outputs);
+            outlines.zip(pair.values.iter().flatten()).for_each(|(outline, kept)| self.engine.store.rescue(outline, kept));
+            state.drop_values(other);
+            spilled = true;
+        }
+        state.let_go.clear();
+        spilled
+    }
+
+    /// Whether another frame may begin: there is a thread for it, and room for what the largest so far took.
+    pub(super) fn has_room_for_a_frame(&self, state: &State) -> bool {
+        // What nobody holds is let go of for it, so it does not count.
+        let Footprints { all_held, largest, .. } = state.footprints;
+        let grown = all_held.max(largest.saturating_mul(state.open_frames as u64));
+        let fits = grown.saturating_add(largest) <= self.engine.store.memory.room;
+        state.open_frames == 0 || state.open_frames < self.engine.threads && fits
+    }
+
+    /// The fault of a pair whose inputs alone are more than there is room for.
+    pub(super) fn beyond_all_room(&self, state: &State, inputs: &[usize]) -> Option<Fault> {
+        let room = self.engine.store.memory.room;
+        let outlines = inputs.iter().filter_map(|&input| state.pairs[input].record.as_ref());
+        let mut parts: Vec<_> =
+            outlines.flat_map(|record| &record.outputs).map(|outline| (outline.digest, outline.bytes)).collect();
+        parts.sort_unstable();
+        parts.dedup();
+        let bytes: u64 = parts.iter().map(|(_, bytes)| bytes).sum();
+        // A few numbers are nothing to refuse a run for.
+        if bytes <= room.max(1 << 16) {
+            return None;
+        }
+        let message = format!("its inputs take {}, more than {}", megabytes(bytes), budget(room));
+        Some(Fault::new(Code::OverBudget, message).hint(HINT.to_owned()))
+    }
+}
+
+const HINT: &str = "ask for less, or raise --memory";
+
+fn budget(room: u64) -> String {
+    format!("the {} that the memory budget leaves", megabytes(room))
+}
+
+fn megabytes(bytes: impl Into<u128>) -> String {
+    format!("{:.1} MB", bytes.into() as f64 / 1e6)
+}
+
+impl PairControl<'_> {
+    /// See `Control::reserve`.
+    pub(super) fn take(&self, bytes: u128, purpose: Purpose) -> Result<(), NodeError> {
+        let store = &self.worker.engine.store;
+        let total = bytes + u128::from(self.lease.asked());
+        let Some(more) = u64::try_from(bytes).ok().filter(|_| total <= u128::from(store.memory.room)) else {
+            return Err(self.refused(total));
+        };
+        loop {
+            if self.lease.grow(more, purpose) {
+                return Ok(());
+            }
+            if store.make_room(more) {
+                continue;
+            }
+            if store.memory.leases() > 1 {
+                self.starve(total as u64);
+                return Err(NodeError::new(ErrorClass::Cancelled, "it starts again when there is memory"));
+            }
+            if !self.worker.spill(&mut self.worker.shared.lock(), self.at) {
+                return Err(self.refused(total));
+            }
+        }
+    }
+
+    fn refused(&self, total: u128) -> NodeError {
+        let worker = self.worker;
+        let inputs: u64 = {
+            let state = worker.shared.lock();
+            let held = worker.needed(self.at).into_iter().filter_map(|input| state.pairs[input].values.as_ref());
+            held.flatten().map(|kept| kept.value.bytes()).sum()
+        };
+        let needs = match inputs {
+            0 => format!("needs {}", megabytes(total)),
+            _ => format!("needs {} beside the {} of its inputs", megabytes(total), megabytes(inputs)),
+        };
+        let message = format!("{needs}, more than {}", budget(worker.engine.store.memory.room));
+        NodeError::new(ErrorClass::OverBudget, message).hint(HINT)
+    }
+}
