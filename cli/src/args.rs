@@ -19,10 +19,14 @@ pub enum Command {
     Run(RunArgs),
     /// Report every fault of a graph file; opens no input and runs nothing
     Check(CheckArgs),
+    /// Tell what a run would do and why; may read and hash inputs, runs nothing
+    Explain(ExplainArgs),
     /// List the node types, or describe one
     Nodes(NodesArgs),
     /// Draw a graph's structure
     Graph(GraphArgs),
+    /// Look after the cache; safe beside running renders
+    Cache(CacheArgs),
 }
 
 /// A frame range.
@@ -52,25 +56,46 @@ pub struct GraphFile {
     pub plugins: Vec<PathBuf>,
 }
 
+/// Where results are kept between runs.
 #[derive(Args)]
-pub struct RunArgs {
-    #[command(flatten)]
-    pub file: GraphFile,
+pub struct CacheFolder {
     /// Folder of the cache [default: $WARPLOOM_CACHE, else warploom in the user's cache folder]
     #[arg(long, value_name = "DIR")]
     pub cache: Option<PathBuf>,
+    /// Most bytes the cache may take, as 50G or 500M; what was not used for longest goes first [default: 50G]
+    #[arg(long, value_name = "BYTES", value_parser = cache_bytes)]
+    pub cache_size: Option<u64>,
+}
+
+/// How results are kept and computed.
+#[derive(Args)]
+pub struct EngineArgs {
+    #[command(flatten)]
+    pub cache: CacheFolder,
     /// Read and write no cache on disk; values are still shared within the run
     #[arg(long)]
     pub no_cache: bool,
     /// Which values go to disk: those cheaper to load than to compute, or all
     #[arg(long, value_enum, default_value_t = Store::Auto)]
     pub store: Store,
-    /// Memory budget, as 8G or 500M [default: three quarters of the machine's]
-    #[arg(long, value_name = "BYTES", value_parser = bytes)]
+    /// Memory the process may take, as 8G or 500M [default: three quarters of the machine's or the container's]
+    #[arg(long, value_name = "BYTES", value_parser = memory_bytes)]
     pub memory: Option<u64>,
     /// Threads that compute [default: all]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
+    /// Where an output is there already: overwrite it unless it is what would be written; skip it, whatever is in it; or
+    /// verify that it is what would be written, and write nothing
+    #[arg(long, value_enum, default_value_t = Existing::Overwrite)]
+    pub existing: Existing,
+}
+
+#[derive(Args)]
+pub struct RunArgs {
+    #[command(flatten)]
+    pub file: GraphFile,
+    #[command(flatten)]
+    pub engine: EngineArgs,
     /// Go on with other frames after a fault
     #[arg(long)]
     pub keep_going: bool,
@@ -83,6 +108,45 @@ pub struct RunArgs {
     /// How progress is shown; auto: human on a terminal, plain elsewhere
     #[arg(long, value_enum, default_value_t = Progress::Auto)]
     pub progress: Progress,
+    /// Run again whenever the graph file or a file it reads is saved, until stopped
+    #[arg(long)]
+    pub watch: bool,
+}
+
+#[derive(Args)]
+pub struct ExplainArgs {
+    #[command(flatten)]
+    pub file: GraphFile,
+    #[command(flatten)]
+    pub engine: EngineArgs,
+    /// How verdicts are shown
+    #[arg(long, value_enum, default_value_t = CheckFormat::Human)]
+    pub format: CheckFormat,
+}
+
+#[derive(Args)]
+pub struct CacheArgs {
+    #[command(subcommand)]
+    pub work: CacheWork,
+}
+
+#[derive(Subcommand)]
+pub enum CacheWork {
+    /// How many entries of which sort it holds
+    Stat(CacheFolder),
+    /// Remove what killed processes left, and entries until it is within its size
+    Gc(CacheFolder),
+    /// Read every entry and remove those that are damaged; exit code 7 if there were any
+    Verify(CacheFolder),
+    /// Remove every entry
+    Clear(CacheFolder),
+}
+
+#[derive(Clone, Copy, PartialEq, ValueEnum)]
+pub enum Existing {
+    Overwrite,
+    Skip,
+    Verify,
 }
 
 #[derive(Clone, Copy, PartialEq, ValueEnum)]
@@ -154,9 +218,17 @@ pub enum GraphFormat {
     Json,
 }
 
+fn memory_bytes(text: &str) -> Result<u64, String> {
+    bytes(text, "16M", 16e6)
+}
+
+fn cache_bytes(text: &str) -> Result<u64, String> {
+    bytes(text, "1M", 1e6)
+}
+
 /// A count of bytes with an optional K, M, G or T, powers of 1024.
-fn bytes(text: &str) -> Result<u64, String> {
-    let allowed = || format!("`{text}` is no size; write 8G, 500M or a count of bytes, at least 16M");
+fn bytes(text: &str, least: &str, min: f64) -> Result<u64, String> {
+    let allowed = || format!("`{text}` is no size; write 8G, 500M or a count of bytes, at least {least}");
     let (digits, unit) = match text.char_indices().last() {
         Some((at, c)) if c.is_ascii_alphabetic() => (&text[..at], c.to_ascii_uppercase()),
         _ => (text, 'B'),
@@ -171,7 +243,7 @@ fn bytes(text: &str) -> Result<u64, String> {
     };
     let number: f64 = digits.parse().map_err(|_| allowed())?;
     let bytes = number * (1u64 << shift) as f64;
-    if (16e6..=1e18).contains(&bytes) { Ok(bytes as u64) } else { Err(allowed()) }
+    if (min..=1e18).contains(&bytes) { Ok(bytes as u64) } else { Err(allowed()) }
 }
 
 #[cfg(test)]
@@ -186,11 +258,12 @@ mod tests {
 
     #[test]
     fn sizes() {
-        assert_eq!(bytes("8G"), Ok(8 << 30));
-        assert_eq!(bytes("1.5g"), Ok(3 << 29));
-        assert_eq!(bytes("500M"), Ok(500 << 20));
+        assert_eq!(memory_bytes("8G"), Ok(8 << 30));
+        assert_eq!(memory_bytes("1.5g"), Ok(3 << 29));
+        assert_eq!(memory_bytes("500M"), Ok(500 << 20));
+        assert_eq!(cache_bytes("1M"), Ok(1 << 20));
         for bad in ["", "G", "8X", "-1G", "1K", "inf", "NaN"] {
-            assert!(bytes(bad).is_err(), "{bad}");
+            assert!(memory_bytes(bad).is_err() && cache_bytes(bad).is_err(), "{bad}");
         }
     }
 }

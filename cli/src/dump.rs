@@ -5,12 +5,12 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value as Json, json};
 use warploom_core::diag::{Code, Fault};
-use warploom_core::engine::{Disk, Io, plain};
+use warploom_core::engine::{Delivery, plain, write_file};
 use warploom_core::graph::frames::{expand_pattern, folded, has_pattern, paths_over};
 use warploom_core::graph::plan::Plan;
 use warploom_core::node::{NodeError, OutputKind};
 use warploom_core::value::{Buffer, Channel, Direction, Grid, Image, Kind, Plane, Rect, SampleType, Value, Warp};
-use warploom_nodes::io::codec::{EXTENSIONS, WriteOptions, as_image, encode_image};
+use warploom_nodes::io::codec::{EXTENSIONS, Reserve, WriteOptions, as_image, encode_image};
 
 /// One `NODE[.PORT]=FILE`.
 pub struct Dump {
@@ -124,20 +124,15 @@ impl Planned {
 }
 
 /// Writes the dumps of a node, and says `wrote` of each file.
-pub fn write(
-    dumps: &[Planned],
-    node: usize,
-    frame: Option<i64>,
-    values: &[Value],
-    wrote: impl Fn(&Path),
-) -> Result<(), Fault> {
-    for dump in dumps.iter().filter(|dump| dump.node == node) {
-        let bytes = encode(&values[dump.output], &dump.path).map_err(|error| {
+pub fn write(dumps: &[Planned], delivery: &Delivery, wrote: impl Fn(&Path)) -> Result<(), Fault> {
+    for dump in dumps.iter().filter(|dump| dump.node == delivery.node) {
+        let value = &delivery.values[dump.output];
+        let bytes = encode(value, &dump.path, delivery.reserve).map_err(|error| {
             let message = format!("cannot dump to {}: {}", dump.path.display(), error.message);
             Fault::new(error.class.into(), message).hint(error.hint)
         })?;
-        for path in dump.paths(frame) {
-            Disk.write(&path, &bytes).map_err(|error| {
+        for path in dump.paths(delivery.frame) {
+            write_file(&path, &bytes).map_err(|error| {
                 Fault::new(Code::OutputUnwritable, format!("cannot write {}: {}", path.display(), plain(&error)))
             })?;
             wrote(&path);
@@ -171,12 +166,16 @@ fn unwritable(kind: Kind, extension: &str) -> Option<NodeError> {
     })
 }
 
-fn encode(value: &Value, path: &Path) -> Result<Vec<u8>, NodeError> {
+fn encode(value: &Value, path: &Path, reserve: Reserve) -> Result<Vec<u8>, NodeError> {
     let extension = extension(path);
     if let Some(error) = unwritable(value.kind(), &extension) {
         return Err(error);
     }
-    let image = |image: &Image| encode_image(image, &extension, &WriteOptions::default(), &|_| Ok(()));
+    let image = |image: &Image| encode_image(image, &extension, &WriteOptions::default(), reserve);
+    if extension == "json" {
+        // A number is a node of a tree before it is text.
+        reserve(8 * u128::from(value.bytes()))?;
+    }
     let json = match value {
         Value::Image(picture) => return image(picture),
         Value::Warp(warp) if extension == "exr" => return image(&warp_image(warp)),

@@ -1,13 +1,16 @@
 //! The warploom command: reads the command line, shows what happens, gives an exit code. It knows no algorithm.
 
 mod args;
+mod cache;
 mod check;
 mod dump;
+mod explain;
 mod graph;
 mod nodes;
 mod progress;
 mod run;
 mod terminal;
+mod watch;
 
 use std::process::ExitCode;
 
@@ -27,6 +30,8 @@ pub fn main() -> ExitCode {
         Command::Check(args) => check::check(&args, &registry),
         Command::Nodes(args) => nodes::nodes(&args, &registry),
         Command::Graph(args) => graph::graph(&args, &registry),
+        Command::Explain(args) => explain::explain(&args, &registry),
+        Command::Cache(args) => cache::cache(&args),
     })
     .unwrap_or(Code::Panic.exit_code());
     let code = if code == 0 && terminal::output_was_lost() { Code::OutputUnwritable.exit_code() } else { code };

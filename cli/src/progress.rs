@@ -135,9 +135,9 @@ impl Observer for Display {
                     self.percent();
                 }
             }
-            Event::Output { artifact, .. } => {
+            Event::Output { path, .. } => {
                 if self.dialect != Progress::Jsonl {
-                    self.bar.suspend(|| say(&artifact.path.display().to_string()));
+                    self.bar.suspend(|| say(&path.display().to_string()));
                 }
             }
             Event::Fault(fault) => match self.dialect {
@@ -159,9 +159,8 @@ fn json_event(event: &Event<'_>) -> Json {
         Event::Finished { node, frame, status, seconds } => {
             json!({ "event": "finished", "node": node, "frame": frame, "status": status, "seconds": seconds })
         }
-        Event::Output { artifact, written } => json!({
-            "event": "output", "path": artifact.path, "bytes": artifact.bytes, "blake3": artifact.blake3,
-            "written": written,
+        Event::Output { path, bytes, blake3, written } => json!({
+            "event": "output", "path": path, "bytes": bytes, "blake3": blake3, "written": written,
         }),
         Event::Fault(fault) => json!({ "event": "fault", "fault": fault }),
         Event::FrameDone { frame, delivered } => {

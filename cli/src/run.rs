@@ -2,56 +2,71 @@
 
 use std::collections::HashSet;
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use warploom_core::diag::{Code, Fault};
 use warploom_core::engine::{
-    Cancel, Disk, Engine, Io, Job, Report, Settings, StorePolicy, default_cache, peak_bytes, plain,
+    Cancel, DEFAULT_CACHE_SIZE, Engine, Existing, Job, Report, Settings, StorePolicy, peak_bytes, plain,
+    resident_bytes, write_file,
 };
 use warploom_core::graph::frames::folded;
 use warploom_core::graph::plan::Plan;
 use warploom_core::registry::Registry;
 
-use crate::args::{Progress, RunArgs, Store};
+use crate::args::{self, EngineArgs, Progress, RunArgs, Store};
+use crate::cache::folder;
 use crate::dump::{self, Dump, Planned};
 use crate::progress::Display;
 use crate::terminal::{note, show, show_warnings};
 
-const STOPPED: u8 = 75;
-
 /// The command.
 pub fn run(args: &RunArgs, registry: &Registry) -> u8 {
+    let stop = Stop::default();
+    stop.on_signal();
+    if args.watch {
+        return crate::watch::watch(args, registry, &stop);
+    }
+    match prepare(args, registry) {
+        Ok(work) => render(args, &engine(&args.engine), &work, stop.current()),
+        Err(code) => code,
+    }
+}
+
+/// A plan, and the files beside the graph's own.
+pub struct Work {
+    pub plan: Arc<Plan>,
+    dumps: Vec<Planned>,
+}
+
+/// Reads and checks the graph; where that fails, shows why and gives the exit code.
+pub fn prepare(args: &RunArgs, registry: &Registry) -> Result<Work, u8> {
     let dumps: Result<Vec<Dump>, Fault> = args.dump.iter().map(|text| Dump::parse(text)).collect();
-    let dumps = match dumps {
-        Ok(dumps) => dumps,
-        Err(fault) => return refuse(args, vec![fault]),
-    };
+    let dumps = dumps.map_err(|fault| refuse(args, vec![fault]))?;
     let dumped: Vec<String> = dumps.iter().map(|dump| dump.node.clone()).collect();
     let checked = crate::check::read(&args.file, &dumped, registry);
     if args.progress != Progress::None {
         show_warnings(&checked.warnings);
     }
-    let Some(plan) = checked.plan.map(Arc::new) else { return refuse(args, checked.faults) };
-    let dumps = match outputs(args, &dumps, &plan) {
-        Ok(dumps) => dumps,
-        Err(faults) => {
-            faults.iter().for_each(|fault| show(fault, false));
-            return Code::Usage.exit_code();
-        }
-    };
+    let Some(plan) = checked.plan.map(Arc::new) else { return Err(refuse(args, checked.faults)) };
+    let dumps = outputs(args, &dumps, &plan).map_err(|faults| {
+        faults.iter().for_each(|fault| show(fault, false));
+        Code::Usage.exit_code()
+    })?;
+    Ok(Work { plan, dumps })
+}
 
-    let cancel = Cancel::default();
-    stop_on_signal(cancel.clone());
-    let engine = Engine::new(settings(args));
+/// Runs the plan, shows what happens and gives the exit code.
+pub fn render(args: &RunArgs, engine: &Engine, work: &Work, cancel: Cancel) -> u8 {
     let display = Display::new(args.progress);
     let job = Job {
         keep_going: args.keep_going,
-        deliver: dumps.iter().map(|dump| dump.node).collect(),
-        on_values: &|node, frame, values| dump::write(&dumps, node, frame, values, |path| display.wrote(path)),
+        existing: existing(args.engine.existing),
+        deliver: work.dumps.iter().map(|dump| dump.node).collect(),
+        on_values: &|delivery| dump::write(&work.dumps, &delivery, |path| display.wrote(path)),
         observer: &display,
         cancel,
     };
-    let report = engine.run(&plan, &job);
+    let report = engine.run(&work.plan, &job);
     display.summary(&report);
     if let Some(warning) = engine.take_cache_warning() {
         note(&format!("warning: {warning}"));
@@ -65,7 +80,7 @@ fn outputs(args: &RunArgs, dumps: &[Dump], plan: &Plan) -> Result<Vec<Planned>, 
     if dumps.is_empty() && args.report.is_none() {
         return Ok(Vec::new());
     }
-    let mut taken: HashSet<String> = plan.files().collect();
+    let mut taken: HashSet<String> = plan.files().map(|(_, path)| folded(&path)).collect();
     taken.insert(folded(&plan.graph.to_string_lossy()));
     let planned = dump::plan(dumps, plan, &mut taken)?;
     let report = args.report.as_ref().and_then(|report| std::path::absolute(report).ok());
@@ -78,22 +93,29 @@ fn outputs(args: &RunArgs, dumps: &[Dump], plan: &Plan) -> Result<Vec<Planned>, 
     }
 }
 
-fn settings(args: &RunArgs) -> Settings {
-    let cache = match (args.no_cache, &args.cache) {
-        (true, _) => None,
-        (false, Some(folder)) => Some(folder.clone()),
-        (false, None) => default_cache(&|name| std::env::var(name).ok()),
-    };
+/// An engine as the command line asks for it.
+pub fn engine(args: &EngineArgs) -> Engine {
     let defaults = Settings::default();
-    Settings {
+    Engine::new(Settings {
         threads: args.threads.map_or(defaults.threads, usize::from),
-        memory: args.memory.unwrap_or(defaults.memory),
-        cache,
+        // What the process takes without any picture comes off.
+        memory: args.memory.unwrap_or(defaults.memory).saturating_sub(resident_bytes()),
+        cache: if args.no_cache { None } else { folder(&args.cache) },
+        cache_size: args.cache.cache_size.unwrap_or(DEFAULT_CACHE_SIZE),
         store: match args.store {
             Store::Auto => StorePolicy::Auto,
             Store::All => StorePolicy::All,
         },
         io: defaults.io,
+    })
+}
+
+/// What is done with outputs that are there.
+pub fn existing(existing: args::Existing) -> Existing {
+    match existing {
+        args::Existing::Overwrite => Existing::Overwrite,
+        args::Existing::Skip => Existing::Skip,
+        args::Existing::Verify => Existing::Verify,
     }
 }
 
@@ -108,6 +130,7 @@ fn refuse(args: &RunArgs, faults: Vec<Fault>) -> u8 {
         frames: args.file.frames.as_ref().map(|frames| frames.0.clone()).unwrap_or_default(),
         seconds: 0.0,
         peak_bytes: peak_bytes(),
+        cache: Default::default(),
         nodes: Vec::new(),
         outputs: Vec::new(),
         faults,
@@ -117,22 +140,57 @@ fn refuse(args: &RunArgs, faults: Vec<Fault>) -> u8 {
     if write_report(args.report.as_deref(), &report) { code.exit_code() } else { Code::OutputUnwritable.exit_code() }
 }
 
-/// The first signal asks the run to stop, the second ends the process.
-fn stop_on_signal(cancel: Cancel) {
-    let handler = move || {
-        if cancel.is_cancelled() {
-            std::process::exit(STOPPED.into());
+/// What a signal stops.
+#[derive(Clone, Default)]
+pub struct Stop {
+    /// Set for good by the first signal.
+    signal: Cancel,
+    current: Arc<Mutex<Cancel>>,
+}
+
+impl Stop {
+    /// The exit code of whatever was stopped.
+    pub const CODE: u8 = 75;
+
+    /// The first signal asks the run to stop, the second ends the process.
+    fn on_signal(&self) {
+        let stop = self.clone();
+        let handler = move || {
+            if stop.is_signalled() {
+                std::process::exit(Self::CODE.into());
+            }
+            stop.signal.cancel();
+            stop.current.lock().unwrap_or_else(PoisonError::into_inner).cancel();
+            note("stopping; finished frames stay. Again to stop at once");
+        };
+        // Without a handler a signal ends the process as it always does.
+        let _ = ctrlc::set_handler(handler);
+    }
+
+    pub fn is_signalled(&self) -> bool {
+        self.signal.is_cancelled()
+    }
+
+    /// What stops the run at hand.
+    pub fn current(&self) -> Cancel {
+        self.current.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    /// What stops the next run.
+    pub fn next(&self) -> Cancel {
+        let next = Cancel::default();
+        *self.current.lock().unwrap_or_else(PoisonError::into_inner) = next.clone();
+        if self.is_signalled() {
+            // The signal came before it could find this one.
+            next.cancel();
         }
-        cancel.cancel();
-        note("stopping; finished frames stay. Again to stop at once");
-    };
-    // Without a handler a signal ends the process as it always does.
-    let _ = ctrlc::set_handler(handler);
+        next
+    }
 }
 
 fn exit_code(report: &Report, keep_going: bool) -> u8 {
     match report.faults.first() {
-        _ if report.cancelled => STOPPED,
+        _ if report.cancelled => Stop::CODE,
         None => 0,
         Some(_) if keep_going && report.frames_delivered > 0 => 1,
         Some(first) => first.code.exit_code(),
@@ -144,7 +202,7 @@ fn write_report(path: Option<&Path>, report: &Report) -> bool {
     let Some(path) = path else { return true };
     let text = serde_json::to_vec_pretty(report).unwrap_or_default();
     let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
-    let written = Disk.write(&absolute, &text);
+    let written = write_file(&absolute, &text);
     if let Err(error) = &written {
         let message = format!("the report cannot be written to {}: {}", path.display(), plain(error));
         show(&Fault::new(Code::OutputUnwritable, message), false);

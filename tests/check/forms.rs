@@ -78,12 +78,12 @@ fn a_linked_number_is_held_to_its_range() {
     let plan = faults_of(text).plan.expect("no fault");
     let grid = plan.node("grid").expect("it is there");
     assert!(plan.nodes[grid].is_static && !plan.nodes[plan.node("bend").expect("it is there")].is_static);
-    assert!(plan.params_at(grid, None, &[5.0]).is_ok());
+    assert!(plan.params_at(grid, None, &[Some(5.0)]).is_ok());
     for (value, code, message) in [
         (0.0, Code::OutOfRange, "`cell` comes to 0 px here; it must be 0.1 to 65536 px"),
         (f64::NAN, Code::NotFinite, "`cell` comes to NaN px here; it must be 0.1 to 65536 px"),
     ] {
-        let fault = plan.params_at(grid, None, &[value]).expect_err("out of range");
+        let fault = plan.params_at(grid, None, &[Some(value)]).expect_err("out of range");
         assert_eq!((fault.code, fault.message.as_str()), (code, message));
         let place = fault.place.expect("a place");
         assert_eq!((place.line, place.column), (5, 47));

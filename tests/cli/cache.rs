@@ -68,7 +68,7 @@ fn a_cache_that_cannot_be_written_is_a_warning() {
 
 #[test]
 fn the_flag_comes_before_the_variables() {
-    let cache = |desk: &Desk, name: &str| desk.path(name).join("v1").exists();
+    let cache = |desk: &Desk, name: &str| desk.path(name).join("v2").exists();
     let desk = small_job();
     desk.run("run job.ron --cache flag").expect(0);
     assert!(cache(&desk, "flag") && !cache(&desk, "cache"));

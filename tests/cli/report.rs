@@ -4,12 +4,12 @@ use serde_json::{Value as Json, json};
 
 use crate::desk::{Desk, executed, keys, pair, small_job, text};
 
-const PAIR: [&str; 9] = ["node", "type", "frame", "status", "from", "seconds", "bytes", "why", "stats"];
+const PAIR: [&str; 10] = ["node", "type", "frame", "status", "from", "seconds", "bytes", "peak_bytes", "why", "stats"];
 const WHY: [&str; 7] = ["code", "node", "param", "old", "new", "at", "text"];
 const FAULT: [&str; 8] = ["code", "node", "parameter", "frame", "file", "line", "column", "message"];
 
 fn check_form(report: &Json) {
-    let all = ["schema", "graph", "frames", "seconds", "peak_bytes", "nodes", "outputs", "faults"];
+    let all = ["schema", "graph", "frames", "seconds", "peak_bytes", "cache", "nodes", "outputs", "faults"];
     assert_eq!(keys(report), all);
     assert_eq!(report["schema"], 1);
     assert!(report["seconds"].is_f64() && report["peak_bytes"].is_u64());

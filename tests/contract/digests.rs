@@ -32,7 +32,8 @@ fn stored(subject: &Subject, outcome: &Outcome) -> Stored {
     let values = node_type.outputs.iter().zip(&outcome.values);
     let values = values.map(|(output, value)| (output.name.to_owned(), digest(value)));
     // The formats written here are the lossless ones, whose bytes no processor changes.
-    let files = outcome.report.outputs.iter().map(|output| ("file".to_owned(), output.artifact.blake3.hex()));
+    let files =
+        outcome.report.outputs.iter().map(|output| ("file".to_owned(), output.blake3.expect("it was written").hex()));
     Stored { version: node_type.version, outputs: values.chain(files).collect() }
 }
 

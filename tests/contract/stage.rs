@@ -5,7 +5,7 @@ use std::sync::{Arc, LazyLock, Mutex};
 
 use tempfile::TempDir;
 use warploom_core::diag::{Code, Fault};
-use warploom_core::engine::{Engine, Job, Report, Settings, Status};
+use warploom_core::engine::{Delivery, Engine, Job, Report, Settings, Status};
 use warploom_core::graph::check::{Checked, Options, check};
 use warploom_core::registry::{NodeType, Registry, def};
 use warploom_core::schema::{Arity, PortShape, Shape};
@@ -144,7 +144,7 @@ impl Outcome {
     /// Digests of all outputs and of all files written; what stopped it, if anything did.
     pub fn bits(&self) -> (Vec<String>, Vec<(Code, String)>) {
         let values = self.values.iter().map(|value| value.digest().hex());
-        let files = self.report.outputs.iter().map(|output| output.artifact.blake3.hex());
+        let files = self.report.outputs.iter().map(|output| output.blake3.expect("it was written").hex());
         let faults = self.report.faults.iter().map(|fault: &Fault| (fault.code, fault.message.clone()));
         // Of faults upstream that have nothing to do with each other, either may come first.
         let mut faults: Vec<_> = faults.collect();
@@ -195,8 +195,8 @@ impl Stage {
         let plan = Arc::new(checked.plan.unwrap_or_else(|| panic!("{graph}\n{:#?}", checked.faults)));
         let it = plan.node("it").expect("it is in the graph");
         let values = Mutex::new(Vec::new());
-        let keep = |_: usize, _: Option<i64>, found: &[Value]| {
-            *values.lock().expect("no panic") = found.to_vec();
+        let keep = |found: Delivery| {
+            *values.lock().expect("no panic") = found.values.to_vec();
             Ok(())
         };
         let report = engine.run(&plan, &Job { deliver: vec![it], on_values: &keep, ..Job::default() });

@@ -12,7 +12,7 @@ mod pictures;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
-use warploom_core::engine::{Engine, Job, Settings};
+use warploom_core::engine::{Delivery, Engine, Job, Settings};
 use warploom_core::graph::check::{Options, check};
 use warploom_core::graph::plan::Plan;
 use warploom_core::registry::Registry;
@@ -102,8 +102,8 @@ impl Golden {
         let plan = Arc::new(self.plan(registry)?);
         let out = plan.node("out").ok_or("there is no node `out`")?;
         let values: Mutex<Vec<Value>> = Mutex::default();
-        let keep = |_: usize, _: Option<i64>, found: &[Value]| {
-            values.lock().expect("no panic").extend(found.first().cloned());
+        let keep = |found: Delivery| {
+            values.lock().expect("no panic").extend(found.values.first().cloned());
             Ok(())
         };
         let report = engine.run(&plan, &Job { deliver: vec![out], on_values: &keep, ..Job::default() });
@@ -113,7 +113,7 @@ impl Golden {
         let values = values.into_inner().expect("no panic");
         match (&values[..], &report.outputs[..]) {
             ([value], []) => pictures::png(value),
-            ([], [file]) => std::fs::read(&file.artifact.path).map_err(|error| error.to_string()),
+            ([], [file]) => std::fs::read(&file.path).map_err(|error| error.to_string()),
             _ => Err(format!("{} values and {} files; one is shown", values.len(), report.outputs.len())),
         }
     }

@@ -228,7 +228,9 @@ impl DiskTier {
         match self.counters.damaged.load(Ordering::Relaxed) {
             0 => {}
             1 => self.warn(|root| format!("an entry of the cache at {root} was damaged; it was made anew")),
-            count => self.warn(|root| format!("{count} entries of the cache at {root} were damaged; they were made anew")),
+            count => {
+                self.warn(|root| format!("{count} entries of the cache at {root} were damaged; they were made anew"))
+            }
         }
         self.warning.lock().unwrap_or_else(PoisonError::into_inner).take()
     }

@@ -46,7 +46,8 @@ impl FileMemos {
             return Ok(memo.digest);
         }
         let name = Hasher::new("file").text(&path.to_string_lossy()).finish();
-        if let Some(memo) = disk.and_then(|disk| disk.load_json::<Memo>(Table::Files, &name)).filter(|m| m.holds(&stat)) {
+        if let Some(memo) = disk.and_then(|disk| disk.load_json::<Memo>(Table::Files, &name)).filter(|m| m.holds(&stat))
+        {
             lock().insert(path.to_owned(), memo);
             return Ok(memo.digest);
         }

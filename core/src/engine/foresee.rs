@@ -125,7 +125,8 @@ impl Engine {
                 Foreseen::new(Verdict::MayRun, Vec::new())
             });
             if !needed[at] {
-                looked.from = (existing == Existing::Skip && pairs.frame_of_target.contains_key(&at)).then_some(From::File);
+                looked.from =
+                    (existing == Existing::Skip && pairs.frame_of_target.contains_key(&at)).then_some(From::File);
             }
             if let (Verdict::Runs, Some(key)) = (looked.verdict, looked.key)
                 && let Some(twin) = first_of_key.insert(key, at)
@@ -147,8 +148,7 @@ impl Engine {
         let mut needed = vec![existing != Existing::Skip; pairs.list.len()];
         if existing == Existing::Skip {
             let targets = pairs.frames.iter().flat_map(|(_, targets)| targets).copied();
-            let mut stack: Vec<usize> =
-                targets.filter(|&at| self.standing(plan, &pairs.list[at]).is_empty()).collect();
+            let mut stack: Vec<usize> = targets.filter(|&at| self.standing(plan, &pairs.list[at]).is_empty()).collect();
             while let Some(at) = stack.pop() {
                 if !std::mem::replace(&mut needed[at], true) {
                     stack.extend(pairs.list[at].inputs());

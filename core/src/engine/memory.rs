@@ -3,8 +3,8 @@
 //! Values carry their charges: a buffer's ends when its last reader lets go of it, whoever that is. Memory that lies
 //! ready for new buffers is counted beside, and is the first to go.
 
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use crate::value::{cut_shelf, shelf_bytes};
 

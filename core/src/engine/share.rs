@@ -123,7 +123,9 @@ impl Worker<'_> {
             }
             pair.spills += 1;
             let outlines = pair.record.iter().flat_map(|record| &record.outputs);
-            outlines.zip(pair.values.iter().flatten()).for_each(|(outline, kept)| self.engine.store.rescue(outline, kept));
+            outlines
+                .zip(pair.values.iter().flatten())
+                .for_each(|(outline, kept)| self.engine.store.rescue(outline, kept));
             state.drop_values(other);
             spilled = true;
         }

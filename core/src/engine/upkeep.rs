@@ -98,9 +98,9 @@ impl DiskTier {
         let mut usage = self.usage.lock().unwrap_or_else(PoisonError::into_inner);
         if bytes > usage.allowance {
             let wanted = bytes.saturating_add(usage.in_flight);
-            let left = self.evict(wanted, self.budget - self.budget / 8, self.budget / 4 * 3);
-            let left = left.inspect_err(|error| self.cannot_write(error)).ok()?;
-            if left.saturating_add(wanted) > self.budget {
+            let done = self.evict(wanted, self.budget - self.budget / 8, self.budget / 4 * 3);
+            let done = done.inspect_err(|error| self.cannot_write(error)).ok()?;
+            if done.left_bytes.saturating_add(wanted) > self.budget {
                 return None;
             }
             usage.allowance = (self.budget / PART).max(bytes);
@@ -111,30 +111,28 @@ impl DiskTier {
     }
 
     /// Sweeps, then removes entries until `wanted` more bytes would fit in `target`, if they do not fit in `limit`.
-    /// Gives the bytes left.
-    fn evict(&self, wanted: u64, limit: u64, target: u64) -> io::Result<u64> {
+    fn evict(&self, wanted: u64, limit: u64, target: u64) -> io::Result<CacheWork> {
         let mut entries = self.entries()?;
-        self.sweep(&mut entries)?;
-        let mut left: u64 = entries.iter().map(|entry| entry.bytes).sum();
-        if left.saturating_add(wanted) <= limit {
-            return Ok(left);
+        let mut work = CacheWork::on(&entries);
+        self.sweep(&mut entries, &mut work)?;
+        if work.left_bytes.saturating_add(wanted) <= limit {
+            return Ok(work);
         }
         // Values first: without them a result is still known. Then what was used least lately.
         entries.retain(|entry| entry.name.is_some());
         entries.sort_by_key(|entry| (entry.table != Table::Values, entry.modified));
         for entry in entries {
-            if left.saturating_add(wanted) <= target {
+            if work.left_bytes.saturating_add(wanted) <= target {
                 break;
             }
-            door::remove(&*self.io, &entry.path)?;
             self.counters.evicted_bytes.fetch_add(entry.bytes, Ordering::Relaxed);
-            left -= entry.bytes;
+            work.remove(self, &entry)?;
         }
-        Ok(left)
+        Ok(work)
     }
 
     /// Removes temporary files whose process has ended or that are old.
-    fn sweep(&self, entries: &mut Vec<Entry>) -> io::Result<()> {
+    fn sweep(&self, entries: &mut Vec<Entry>, work: &mut CacheWork) -> io::Result<()> {
         if entries.iter().all(|entry| entry.name.is_some()) {
             return Ok(());
         }
@@ -144,10 +142,7 @@ impl DiskTier {
             let owner = name.and_then(Temporary::of).filter(|_| entry.name.is_none());
             owner.is_some_and(|owner| owner.is_orphan() || now - entry.modified > STALE)
         };
-        for entry in entries.extract_if(.., |entry| is_left(entry)) {
-            door::remove(&*self.io, &entry.path)?;
-        }
-        Ok(())
+        entries.extract_if(.., |entry| is_left(entry)).try_for_each(|entry| work.remove(self, &entry))
     }
 
     /// Every file. Folders and files that go while it looks are not there.
@@ -180,6 +175,11 @@ impl DiskTier {
         }
     }
 
+    /// Most bytes it may take.
+    pub fn budget(&self) -> u64 {
+        self.budget
+    }
+
     /// What is in the tier.
     pub fn stat(&self) -> io::Result<CacheStat> {
         let entries = self.entries()?;
@@ -200,39 +200,47 @@ impl DiskTier {
 
     /// Removes what was left by processes that ended, and entries until the tier is within its size.
     pub fn collect(&self) -> io::Result<CacheWork> {
-        let before = self.entries()?;
-        self.evict(0, self.budget, self.budget)?;
-        self.work(&before)
+        self.evict(0, self.budget, self.budget)
     }
 
     /// Reads every entry and removes those that are not whole.
     pub fn verify(&self) -> io::Result<CacheWork> {
-        let before = self.entries()?;
-        for entry in &before {
+        let entries = self.entries()?;
+        let mut work = CacheWork::on(&entries);
+        for entry in &entries {
             let Some(name) = &entry.name else { continue };
             match self.is_whole(entry.table, name, &entry.path) {
                 Ok(true) => {}
-                Ok(false) => door::remove(&*self.io, &entry.path)?,
+                Ok(false) => work.remove(self, entry)?,
                 Err(error) if error.kind() == ErrorKind::NotFound => {}
                 Err(error) => return Err(error),
             }
         }
-        self.work(&before)
+        Ok(work)
     }
 
     /// Removes every entry; what others write meanwhile stays.
     pub fn clear(&self) -> io::Result<CacheWork> {
-        let mut before = self.entries()?;
-        self.sweep(&mut before)?;
-        before.iter().filter(|entry| entry.name.is_some()).try_for_each(|entry| door::remove(&*self.io, &entry.path))?;
-        self.work(&before)
+        let mut entries = self.entries()?;
+        let mut work = CacheWork::on(&entries);
+        self.sweep(&mut entries, &mut work)?;
+        let mut whole = entries.iter().filter(|entry| entry.name.is_some());
+        whole.try_for_each(|entry| work.remove(self, entry))?;
+        Ok(work)
+    }
+}
+
+impl CacheWork {
+    fn on(entries: &[Entry]) -> Self {
+        let left_bytes = entries.iter().map(|entry| entry.bytes).sum();
+        Self { entries: entries.len() as u64, removed: 0, removed_bytes: 0, left_bytes }
     }
 
-    /// What became of the entries that were there before.
-    fn work(&self, before: &[Entry]) -> io::Result<CacheWork> {
-        let removed = before.iter().filter(|entry| door::stat(&*self.io, &entry.path).is_err());
-        let (removed, removed_bytes) = removed.fold((0, 0), |(count, bytes), entry| (count + 1, bytes + entry.bytes));
-        let left_bytes = self.entries()?.iter().map(|entry| entry.bytes).sum();
-        Ok(CacheWork { entries: before.len() as u64, removed, removed_bytes, left_bytes })
+    fn remove(&mut self, tier: &DiskTier, entry: &Entry) -> io::Result<()> {
+        door::remove(&*tier.io, &entry.path)?;
+        self.removed += 1;
+        self.removed_bytes += entry.bytes;
+        self.left_bytes -= entry.bytes;
+        Ok(())
     }
 }

@@ -147,17 +147,18 @@ impl Plan {
         if self.nodes[node].is_static { request.at(None) } else { request.clone() }
     }
 
-    /// Every file that the targets' nodes read or write, over all frames, in the form that [`frames::folded`] gives.
-    pub fn files(&self) -> impl Iterator<Item = String> + '_ {
+    /// Every file that the targets' nodes read or write, over all frames.
+    pub fn files(&self) -> impl Iterator<Item = (Access, String)> + '_ {
         let folder = self.graph.parent().unwrap_or(Path::new(""));
-        self.order
-            .iter()
-            .flat_map(move |&node| {
-                let params = &self.nodes[node].params;
-                let paths = params.paths.iter().filter_map(|(name, _)| params.json.get(name)?.as_str());
-                paths.flat_map(move |path| frames::paths_over(frames::split_folder(path, folder), &self.frames))
+        self.order.iter().flat_map(move |&node| {
+            let params = &self.nodes[node].params;
+            let paths =
+                params.paths.iter().filter_map(|(name, access)| Some((*access, params.json.get(name)?.as_str()?)));
+            paths.flat_map(move |(access, path)| {
+                let files = frames::paths_over(frames::split_folder(path, folder), &self.frames);
+                files.map(move |file| (access, file))
             })
-            .map(|path| frames::folded(&path))
+        })
     }
 
     /// Parameters of a node at a frame; `links` are the values of the node's links, where they are known.

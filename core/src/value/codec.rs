@@ -6,8 +6,8 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    Buffer, BufferMut, Channel, Component, Digest, Direction, Field, Grid, Image, Labels, Layer, Mask, Mesh, Metadata, Plane,
-    Points, Raster, Rect, Sample, SampleType, Value, Warp, Windows,
+    Buffer, BufferMut, Channel, Component, Digest, Direction, Field, Grid, Image, Labels, Layer, Mask, Mesh, Metadata,
+    Plane, Points, Raster, Rect, Sample, SampleType, Value, Warp, Windows,
 };
 
 /// Everything of a value but its large arrays.

@@ -11,8 +11,8 @@ mod warp;
 use std::any::Any;
 use std::sync::Arc;
 
-pub(crate) use buffer::{cut_shelf, shelf_bytes};
 pub use buffer::{Buffer, BufferMut, Companion, Sample, Storage};
+pub(crate) use buffer::{cut_shelf, shelf_bytes};
 pub use codec::{decode, encode};
 pub use digest::{Digest, Hasher};
 pub use image::{Attribute, Channel, Image, Layer, Metadata, Plane, Rect, SampleType, Windows};

@@ -1,8 +1,8 @@
 //! Targets, frames and files: what a run would do, as far as that can be told beforehand.
 
-use std::sync::OnceLock;
 use std::collections::HashMap;
 use std::path::Path;
+use std::sync::OnceLock;
 
 use serde_json::Value as Json;
 
