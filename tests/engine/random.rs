@@ -5,7 +5,9 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-use warploom_core::engine::{Delivery, Engine, Job, Report, Settings, Status};
+use warploom_core::engine::{
+    Delivery, Engine, Existing, Explanation, Job, Report, Settings, Status, StorePolicy, Verdict,
+};
 use warploom_core::graph::plan::Plan;
 use warploom_core::graph::{Options, check};
 use warploom_core::registry::Registry;
@@ -155,9 +157,59 @@ struct Known {
     files: BTreeMap<String, String>,
 }
 
+/// Where an engine keeps results.
+#[derive(Clone, Copy, PartialEq, Debug)]
+enum Setting {
+    /// In memory, with room for all.
+    Roomy,
+    /// In memory, with room for hardly any value.
+    Tight,
+    /// On disk; every run is by an engine that has seen nothing.
+    Processes,
+    /// The same, with hardly any memory.
+    TightProcesses,
+}
+
+impl Setting {
+    fn is_tight(self) -> bool {
+        matches!(self, Setting::Tight | Setting::TightProcesses)
+    }
+
+    fn engine(self, seed: u64, folder: &Path) -> Engine {
+        let on_disk = matches!(self, Setting::Processes | Setting::TightProcesses);
+        Engine::new(Settings {
+            threads: [1, 2, 3, 8][(seed / 4) as usize % 4],
+            memory: if self.is_tight() { 5000 } else { 1 << 30 },
+            cache: on_disk.then(|| folder.join("cache")),
+            store: if seed.is_multiple_of(3) { StorePolicy::Auto } else { StorePolicy::All },
+            ..Settings::default()
+        })
+    }
+}
+
+/// Every pair that runs was foretold, every pair that was sure to run does, and both have a cause and its place.
+fn foretold(explanation: &Explanation, report: &Report, text: &str) {
+    let name = |node: &str, frame: Option<i64>| (node.to_owned(), frame);
+    let verdicts: HashMap<_, _> =
+        explanation.nodes.iter().map(|pair| (name(&pair.node, pair.frame), pair.verdict)).collect();
+    assert_eq!(verdicts.len(), report.nodes.len(), "a verdict per pair\n{text}");
+    for pair in &report.nodes {
+        let (verdict, executed) = (verdicts[&name(&pair.node, pair.frame)], pair.status == Status::Executed);
+        assert!(!executed || verdict != Verdict::Reused, "{} at {:?} was to be reused\n{text}", pair.node, pair.frame);
+        assert!(executed || verdict != Verdict::Runs, "{} at {:?} was to run\n{text}", pair.node, pair.frame);
+    }
+    for pair in explanation.nodes.iter().filter(|pair| pair.verdict != Verdict::Reused) {
+        let why = pair.why.as_ref().unwrap_or_else(|| panic!("{} runs for no reason\n{text}", pair.node));
+        let at = why.at.as_deref().unwrap_or_default();
+        let numbers: Vec<usize> = at.rsplit(':').take(2).filter_map(|part| part.parse().ok()).collect();
+        assert!(numbers.len() == 2 && numbers.iter().all(|&n| n > 0) && !why.text.is_empty(), "{why:?}\n{text}");
+    }
+}
+
 /// Runs and compares every promise with the oracle.
 fn run_and_compare(
     engine: &Engine,
+    setting: Setting,
     model: &Model,
     inputs: &BTreeMap<String, String>,
     known: &mut Known,
@@ -166,10 +218,12 @@ fn run_and_compare(
 ) {
     let text = model.text();
     let plan = plan(&text, folder, registry);
+    let explanation = engine.explain(&plan, Existing::Overwrite);
     let before = COMPUTED.load(Ordering::Relaxed);
     let report = engine.run(&plan, &Job::default());
     let computed = COMPUTED.load(Ordering::Relaxed) - before;
-    assert!(report.faults.is_empty(), "{text}\n{:#?}", report.faults);
+    assert!(report.faults.is_empty(), "{setting:?} {text}\n{:#?}", report.faults);
+    foretold(&explanation, &report, &text);
 
     let mut memo = HashMap::new();
     let mut expected: HashSet<String> = HashSet::new();
@@ -191,8 +245,10 @@ fn run_and_compare(
         }
         identity_of.insert((model.names[node].clone(), frame), answer.identity);
     }
-    compare(&report, &expected, &identity_of, &text);
-    assert_eq!(computed, expected.len() as u64, "nothing computes but what is reported\n{text}");
+    compare(&report, &expected, &identity_of, setting, &text);
+    if !setting.is_tight() {
+        assert_eq!(computed, expected.len() as u64, "nothing computes but what is reported\n{text}");
+    }
     known.identities.extend(expected);
     for (path, content) in &known.files {
         assert_eq!(&std::fs::read_to_string(folder.join(path)).expect("written"), content, "{path}\n{text}");
@@ -210,6 +266,7 @@ fn compare(
     report: &Report,
     expected: &HashSet<String>,
     identity_of: &HashMap<(String, Option<i64>), String>,
+    setting: Setting,
     text: &str,
 ) {
     assert_eq!(report.nodes.len(), identity_of.len(), "one entry for every pair\n{text}");
@@ -223,6 +280,8 @@ fn compare(
                 assert!(!why.text.is_empty() && why.at.is_some());
             }
             Status::Reused => {}
+            // What is cheap to compute is not kept by policy, and nothing is where there is no room.
+            Status::Recomputed if setting != Setting::Roomy => {}
             status => panic!("{} is {status:?} with all of memory at hand\n{text}", pair.node),
         }
     }
@@ -234,6 +293,7 @@ fn a_thousand_edit_sequences_execute_just_what_is_needed() {
     let _serial = crate::serial();
     let registry = Registry::new(NODES);
     let sequences = if cfg!(debug_assertions) { 1000 } else { 5000 };
+    let settings = [Setting::Roomy, Setting::Tight, Setting::Processes, Setting::TightProcesses];
     for seed in 0..sequences {
         let folder = tempfile::tempdir().expect("a folder");
         let mut random = Random(seed);
@@ -249,14 +309,20 @@ fn a_thousand_edit_sequences_execute_just_what_is_needed() {
         let write = |name: &str, content: &str| std::fs::write(folder.path().join(name), content).expect("written");
         inputs.iter().for_each(|(name, content)| write(name, content));
 
-        let threads = [1, 2, 3, 8][seed as usize % 4];
-        let new_engine = || Engine::new(Settings { threads, memory: 1 << 30, ..Settings::default() });
-        let engine = new_engine();
+        let setting = settings[seed as usize % 4];
+        let mut engine = setting.engine(seed, folder.path());
         let mut known = Known { identities: HashSet::new(), files: BTreeMap::new() };
         let mut history = vec![model(&mut random)];
         for _ in 0..6 {
             let current = history.last().expect("never empty").clone();
-            run_and_compare(&engine, &current, &inputs, &mut known, folder.path(), &registry);
+            if !matches!(setting, Setting::Roomy | Setting::Tight) {
+                engine = setting.engine(seed, folder.path());
+                if random.below(4) == 0 {
+                    // The journal is for people alone.
+                    let _ = std::fs::remove_dir_all(folder.path().join("cache/v2/journal"));
+                }
+            }
+            run_and_compare(&engine, setting, &current, &inputs, &mut known, folder.path(), &registry);
             let mut next = current;
             match random.below(8) {
                 // Undo.
@@ -287,7 +353,8 @@ fn a_thousand_edit_sequences_execute_just_what_is_needed() {
         // Every output is what a cold engine writes.
         let last = history[history.len() - 2].clone();
         let warm: BTreeMap<String, Vec<u8>> = outputs(&engine, &last, folder.path(), &registry);
-        let cold: BTreeMap<String, Vec<u8>> = outputs(&new_engine(), &last, folder.path(), &registry);
+        let cold: BTreeMap<String, Vec<u8>> =
+            outputs(&Setting::Roomy.engine(seed, folder.path()), &last, folder.path(), &registry);
         assert_eq!(warm, cold, "seed {seed}\n{}", last.text());
     }
 }

@@ -10,15 +10,32 @@ use crate::value::{cut_shelf, shelf_bytes};
 
 /// Counts bytes against a bound.
 pub(crate) struct Memory {
-    /// Most bytes that may be in use.
-    pub room: u64,
+    bound: u64,
+    /// What is known of pairs. It cannot be refused, so it narrows the room for all else.
+    notes: AtomicU64,
     used: AtomicU64,
     leases: AtomicUsize,
 }
 
 impl Memory {
-    pub fn new(room: u64) -> Arc<Self> {
-        Arc::new(Self { room, used: AtomicU64::new(0), leases: AtomicUsize::new(0) })
+    pub fn new(bound: u64) -> Arc<Self> {
+        Arc::new(Self { bound, notes: AtomicU64::new(0), used: AtomicU64::new(0), leases: AtomicUsize::new(0) })
+    }
+
+    /// Most bytes that may be in use beside the notes; the notes leave an eighth of the bound, however many they are.
+    pub fn room(&self) -> u64 {
+        self.bound - self.notes.load(Ordering::Relaxed).min(self.bound / 8 * 7)
+    }
+
+    /// Whether notes take more than half of the bound.
+    pub fn is_cluttered(&self) -> bool {
+        self.notes.load(Ordering::Relaxed) > self.bound / 2
+    }
+
+    /// Counts what is noted of pairs until it is dropped.
+    pub fn note(self: &Arc<Self>, bytes: u64) -> Note {
+        self.notes.fetch_add(bytes, Ordering::Relaxed);
+        Note { memory: self.clone(), bytes }
     }
 
     /// Bytes in use now.
@@ -28,18 +45,12 @@ impl Memory {
 
     /// Whether more is in use than may be.
     pub fn is_over(&self) -> bool {
-        self.used() > self.room
+        self.used() > self.room()
     }
 
     /// Nodes at work that may ask for memory.
     pub fn leases(&self) -> usize {
         self.leases.load(Ordering::Relaxed)
-    }
-
-    /// Counts what is there already, room or no room.
-    pub fn charge(self: &Arc<Self>, bytes: u64) -> Charge {
-        self.used.fetch_add(bytes, Ordering::Relaxed);
-        Charge { memory: self.clone(), bytes }
     }
 
     /// A place to ask for memory from.
@@ -52,7 +63,8 @@ impl Memory {
         if bytes == 0 {
             return true;
         }
-        let add = |used: u64| used.checked_add(bytes).filter(|&used| used <= self.room);
+        let room = self.room();
+        let add = |used: u64| used.checked_add(bytes).filter(|&used| used <= room);
         self.used.fetch_update(Ordering::Relaxed, Ordering::Relaxed, add).is_ok()
     }
 }
@@ -63,16 +75,21 @@ pub(crate) struct Charge {
     bytes: u64,
 }
 
-impl Charge {
-    /// Never ends.
-    pub fn for_good(self) {
-        std::mem::forget(self);
-    }
-}
-
 impl Drop for Charge {
     fn drop(&mut self) {
         self.memory.used.fetch_sub(self.bytes, Ordering::Relaxed);
+    }
+}
+
+/// What is noted of pairs, until it is dropped.
+pub(crate) struct Note {
+    memory: Arc<Memory>,
+    bytes: u64,
+}
+
+impl Drop for Note {
+    fn drop(&mut self) {
+        self.memory.notes.fetch_sub(self.bytes, Ordering::Relaxed);
     }
 }
 
@@ -121,7 +138,7 @@ impl Lease {
         }
         (account.held, account.asked) = (account.held + more, asked);
         drop(account);
-        let free = self.memory.room.saturating_sub(self.memory.used());
+        let free = self.memory.room().saturating_sub(self.memory.used());
         let keep = free.saturating_add(if purpose == Purpose::Planes { bytes } else { 0 });
         if shelf_bytes() > keep {
             cut_shelf(keep);
@@ -198,10 +215,12 @@ mod tests {
         let value = lease.pay(70);
         drop(lease);
         assert_eq!((memory.used(), memory.leases()), (70, 0));
-        let held = memory.charge(50);
-        assert!(memory.is_over());
-        drop((value, held));
-        assert_eq!(memory.used(), 0);
+        let notes = memory.note(50);
+        assert!(memory.is_over() && memory.room() == 50 && !memory.is_cluttered());
+        let more = memory.note(1000);
+        assert!(memory.room() == 16 && memory.is_cluttered());
+        drop((value, notes, more));
+        assert_eq!((memory.used(), memory.room()), (0, 100));
     }
 
     #[test]

@@ -64,6 +64,9 @@ pub struct Settings {
 /// Size of the disk tier where none is named.
 pub const DEFAULT_CACHE_SIZE: u64 = 50 << 30;
 
+/// Memory that a run takes for each of its pairs, roughly: the pair, its state, its line in the report.
+const NOTES_PER_PAIR: u64 = 1024;
+
 impl Default for Settings {
     fn default() -> Self {
         Self {
@@ -255,6 +258,7 @@ impl Engine {
         job.observer.event(Event::Begun { frames: pairs.frames.len(), pairs: pairs.list.len() });
         let shared = Arc::new(Shared::new(plan.clone(), &job.deliver));
         let worker = Worker { engine: self, job, shared: &shared, pairs };
+        let _note = self.store.memory.note(pairs.list.len() as u64 * NOTES_PER_PAIR);
         std::thread::scope(|scope| {
             (1..self.threads).for_each(|_| {
                 scope.spawn(|| worker.work());
@@ -262,8 +266,9 @@ impl Engine {
             worker.work();
         });
         Worker::abandon(self, &shared);
-        let mut state = shared.lock();
-        self.report(plan, job, &mut state, start)
+        let report = self.report(plan, job, &mut shared.lock(), start);
+        self.store.tidy();
+        report
     }
 
     fn report(&self, plan: &Plan, job: &Job, state: &mut State, start: Instant) -> Report {

@@ -155,9 +155,14 @@ impl Worker<'_> {
     }
 
     fn deliver(&self, at: usize, lease: Lease) {
-        let Some(values) = self.shared.lock().pairs[at].values.clone() else {
-            // They were let go of since.
-            return self.want(&mut self.shared.lock(), at);
+        let values = {
+            let mut state = self.shared.lock();
+            let Some(values) = state.pairs[at].values.clone() else {
+                // They were let go of since.
+                state.pairs[at].handed_out = false;
+                return self.want(&mut state, at);
+            };
+            values
         };
         let control = PairControl { worker: self, at, lease, starved: AtomicBool::new(false) };
         let pair = &self.pairs.list[at];

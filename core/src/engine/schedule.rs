@@ -142,6 +142,8 @@ pub(crate) struct PairState {
     pub(super) spills: u8,
     /// Whether its values are being looked for.
     pub(super) materialising: bool,
+    /// Whether its values are, or are about to be.
+    pub(super) handed_out: bool,
     /// Whether it executes and holds the work on its key.
     pub(super) working: bool,
     /// Whether its values are computed again.
@@ -399,7 +401,7 @@ impl<'a> Worker<'a> {
         }
         if self.is_delivered(at) {
             match state.pairs[at].values.is_some() {
-                true => state.push(Task::Deliver(at)),
+                true => self.hand_out(state, at),
                 false => self.want(state, at),
             }
         } else {
@@ -489,6 +491,12 @@ impl<'a> Worker<'a> {
             }
         }
         if state.pairs[at].record.is_some() && !state.pairs[at].done && self.is_delivered(at) {
+            self.hand_out(state, at);
+        }
+    }
+
+    fn hand_out(&self, state: &mut State, at: usize) {
+        if !std::mem::replace(&mut state.pairs[at].handed_out, true) {
             state.push(Task::Deliver(at));
         }
     }

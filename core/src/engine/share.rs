@@ -138,13 +138,13 @@ impl Worker<'_> {
         // What nobody holds is let go of for it, so it does not count.
         let Footprints { all_held, largest, .. } = state.footprints;
         let grown = all_held.max(largest.saturating_mul(state.open_frames as u64));
-        let fits = grown.saturating_add(largest) <= self.engine.store.memory.room;
+        let fits = grown.saturating_add(largest) <= self.engine.store.memory.room();
         state.open_frames == 0 || state.open_frames < self.engine.threads && fits
     }
 
     /// The fault of a pair whose inputs alone are more than there is room for.
     pub(super) fn beyond_all_room(&self, state: &State, inputs: &[usize]) -> Option<Fault> {
-        let room = self.engine.store.memory.room;
+        let room = self.engine.store.memory.room();
         let outlines = inputs.iter().filter_map(|&input| state.pairs[input].record.as_ref());
         let mut parts: Vec<_> =
             outlines.flat_map(|record| &record.outputs).map(|outline| (outline.digest, outline.bytes)).collect();
@@ -175,7 +175,7 @@ impl PairControl<'_> {
     pub(super) fn take(&self, bytes: u128, purpose: Purpose) -> Result<(), NodeError> {
         let store = &self.worker.engine.store;
         let total = bytes + u128::from(self.lease.asked());
-        let Some(more) = u64::try_from(bytes).ok().filter(|_| total <= u128::from(store.memory.room)) else {
+        let Some(more) = u64::try_from(bytes).ok().filter(|_| total <= u128::from(store.memory.room())) else {
             return Err(self.refused(total));
         };
         loop {
@@ -206,7 +206,7 @@ impl PairControl<'_> {
             0 => format!("needs {}", megabytes(total)),
             _ => format!("needs {} beside the {} of its inputs", megabytes(total), megabytes(inputs)),
         };
-        let message = format!("{needs}, more than {}", budget(worker.engine.store.memory.room));
+        let message = format!("{needs}, more than {}", budget(worker.engine.store.memory.room()));
         NodeError::new(ErrorClass::OverBudget, message).hint(HINT)
     }
 }

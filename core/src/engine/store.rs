@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::context::Artifact;
 use super::disk::{DiskTier, Table};
-use super::memory::{Charge, Lease, Memory};
+use super::memory::{Charge, Lease, Memory, Note};
 use crate::value::{Digest, Outline, Value, cut_shelf, shelf_bytes};
 
 /// What is kept of an executed action.
@@ -64,11 +64,18 @@ pub(crate) struct Kept {
     _charge: Charge,
 }
 
+/// A record in memory.
+#[derive(Clone)]
+struct Noted {
+    record: Arc<Record>,
+    _note: Arc<Note>,
+}
+
 type Waker = Box<dyn FnOnce() + Send>;
 
 /// The two tables, and who is at work on what.
 pub(crate) struct Store {
-    records: Shards<Arc<Record>>,
+    records: Shards<Noted>,
     values: Shards<Arc<Kept>>,
     /// The credit of what was let go of last, as the bits of an f64: what is used now is worth that much more.
     level: AtomicU64,
@@ -99,12 +106,12 @@ impl Store {
 
     /// A record that is in memory.
     pub fn record_at_hand(&self, key: &Digest) -> Option<Arc<Record>> {
-        self.records.get(key)
+        self.records.get(key, |noted| noted.record.clone())
     }
 
     /// A record, from memory or else from disk.
     pub fn record(&self, key: &Digest) -> Option<Arc<Record>> {
-        self.records.get(key).or_else(|| {
+        self.record_at_hand(key).or_else(|| {
             let record: Arc<Record> = Arc::new(self.disk.as_ref()?.load_json(Table::Records, key)?);
             self.remember(*key, record.clone());
             Some(record)
@@ -119,13 +126,20 @@ impl Store {
     }
 
     fn remember(&self, key: Digest, record: Arc<Record>) {
-        self.memory.charge(record.bytes()).for_good();
-        self.records.insert(key, record);
+        let note = Arc::new(self.memory.note(record.bytes()));
+        self.records.insert(key, Noted { record, _note: note });
+    }
+
+    /// Forgets records that can be read again, if all there are take too much memory.
+    pub fn tidy(&self) {
+        if self.memory.is_cluttered() && self.disk.as_ref().is_some_and(DiskTier::is_writable) {
+            self.records.clear();
+        }
     }
 
     /// A value that is in memory. A hit moves nothing and waits for nobody who reads.
     fn value_at_hand(&self, digest: &Digest) -> Option<Arc<Kept>> {
-        let kept = self.values.get(digest)?;
+        let kept = self.values.get(digest, Arc::clone)?;
         self.renew(&kept);
         Some(kept)
     }
@@ -146,7 +160,7 @@ impl Store {
 
     /// Whether a value need not be computed.
     pub fn has_value(&self, outline: &Outline) -> Option<Tier> {
-        if self.values.get(&outline.digest).is_some() {
+        if self.values.get(&outline.digest, |_| ()).is_some() {
             return Some(Tier::Memory);
         }
         let disk = self.disk.as_ref().filter(|_| outline.storable)?;
@@ -192,7 +206,7 @@ impl Store {
 
     /// Lets go of values that nobody holds, those of least credit first, until `bytes` more fit, or nothing is left.
     pub fn make_room(&self, bytes: u64) -> bool {
-        let fits = || self.memory.used().saturating_add(bytes) <= self.memory.room;
+        let fits = || self.memory.used().saturating_add(bytes) <= self.memory.room();
         if fits() {
             return true;
         }
@@ -205,9 +219,9 @@ impl Store {
         });
         free.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         // A little more than is asked for, so that not every value that comes has to look at all of them.
-        let spare = bytes.saturating_add(self.memory.room / 64);
+        let spare = bytes.saturating_add(self.memory.room() / 64);
         for (credit, digest) in free {
-            if self.memory.used().saturating_add(spare) <= self.memory.room {
+            if self.memory.used().saturating_add(spare) <= self.memory.room() {
                 break;
             }
             self.level.store(credit.to_bits(), Ordering::Relaxed);
@@ -264,8 +278,8 @@ impl<V: Clone> Shards<V> {
         &self.0[usize::from(digest.0[31]) % self.0.len()]
     }
 
-    fn get(&self, digest: &Digest) -> Option<V> {
-        self.shard(digest).read().unwrap_or_else(PoisonError::into_inner).get(digest).cloned()
+    fn get<T>(&self, digest: &Digest, see: impl FnOnce(&V) -> T) -> Option<T> {
+        self.shard(digest).read().unwrap_or_else(PoisonError::into_inner).get(digest).map(see)
     }
 
     fn insert(&self, digest: Digest, value: V) {
@@ -280,6 +294,10 @@ impl<V: Clone> Shards<V> {
 
     fn remove(&self, digest: &Digest) -> Option<V> {
         self.shard(digest).write().unwrap_or_else(PoisonError::into_inner).remove(digest)
+    }
+
+    fn clear(&self) {
+        self.0.iter().for_each(|shard| shard.write().unwrap_or_else(PoisonError::into_inner).clear());
     }
 
     fn for_each(&self, mut visit: impl FnMut(&Digest, &V)) {
@@ -330,7 +348,7 @@ mod tests {
     }
 
     fn kept(store: &Store, outlines: &[Outline]) -> Vec<bool> {
-        outlines.iter().map(|outline| store.values.get(&outline.digest).is_some()).collect()
+        outlines.iter().map(|outline| store.values.get(&outline.digest, |_| ()).is_some()).collect()
     }
 
     #[test]
