@@ -1,5 +1,7 @@
 //! What the test harnesses of Warploom share.
 
+pub mod harness;
+
 /// A generator of numbers that is the same everywhere (SplitMix64).
 pub struct Random(
     /// The seed, then the state.

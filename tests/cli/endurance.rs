@@ -1,0 +1,15 @@
+//! The long harnesses at a small count; the examples of `warploom-tests` run them at full length.
+
+#![cfg(unix)]
+#![allow(missing_docs)]
+
+use std::path::Path;
+
+use warploom_tests::harness;
+
+const BINARY: &str = env!("CARGO_BIN_EXE_warploom");
+
+#[test]
+fn an_interrupted_shot_is_finished_by_another_run() {
+    harness::interrupts::interrupts(Path::new(BINARY), 4).expect_none();
+}
