@@ -13,3 +13,12 @@ const BINARY: &str = env!("CARGO_BIN_EXE_warploom");
 fn an_interrupted_shot_is_finished_by_another_run() {
     harness::interrupts::interrupts(Path::new(BINARY), 4).expect_none();
 }
+
+#[test]
+fn a_killed_run_tears_no_file() {
+    if harness::output_kills::write_in_place_if_asked() {
+        return;
+    }
+    let control = ["--exact", "a_killed_run_tears_no_file"];
+    harness::output_kills::output_kills(Path::new(BINARY), 25, &control).expect_none();
+}
