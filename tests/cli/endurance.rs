@@ -11,7 +11,7 @@ const BINARY: &str = env!("CARGO_BIN_EXE_warploom");
 
 #[test]
 fn an_interrupted_shot_is_finished_by_another_run() {
-    harness::interrupts::interrupts(Path::new(BINARY), 4).expect_none();
+    harness::interrupts::interrupts(Path::new(BINARY), 3).expect_none();
 }
 
 #[test]
@@ -20,5 +20,5 @@ fn a_killed_run_tears_no_file() {
         return;
     }
     let control = ["--exact", "a_killed_run_tears_no_file"];
-    harness::output_kills::output_kills(Path::new(BINARY), 25, &control).expect_none();
+    harness::output_kills::output_kills(Path::new(BINARY), 12, &control).expect_none();
 }
