@@ -22,3 +22,15 @@ fn a_killed_run_tears_no_file() {
     let control = ["--exact", "a_killed_run_tears_no_file"];
     harness::output_kills::output_kills(Path::new(BINARY), 12, &control).expect_none();
 }
+
+#[test]
+fn memory_stays_near_its_budget() {
+    harness::memory::memory(Path::new(BINARY), &harness::memory::Load::small()).expect_none();
+}
+
+#[test]
+fn a_run_fits_its_control_group() {
+    let outcome = harness::memory::in_control_group(Path::new(BINARY), &harness::memory::Load::small());
+    outcome.figures.iter().for_each(|line| println!("{line}"));
+    outcome.expect_none();
+}

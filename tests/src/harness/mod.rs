@@ -1,6 +1,7 @@
 //! Long checks of the real binary, as processes. Examples run them at full count, tests at a small one.
 
 pub mod interrupts;
+pub mod memory;
 pub mod output_kills;
 mod place;
 
