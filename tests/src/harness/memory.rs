@@ -101,7 +101,7 @@ pub fn memory(binary: &Path, load: &Load) -> Outcome {
             }
         }
     }
-    for (graph, budget) in [("shot.ron", load.too_small), ("huge.ron", load.budgets[0])] {
+    for (graph, budget) in [("shot.ron", load.too_small), ("huge.ron", 1024)] {
         let line = format!("run {graph} --no-cache --memory {budget}M");
         let watched = watch(&place, &line, None);
         let fault = &watched.report["faults"][0];
