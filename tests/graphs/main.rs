@@ -2,13 +2,9 @@
 
 #![allow(missing_docs)]
 
-use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex};
+mod determinism;
 
-use warploom_core::engine::{Delivery, Engine, Job, Settings};
-use warploom_core::graph::{Options, check};
-use warploom_core::registry::Registry;
+use std::path::{Path, PathBuf};
 
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the tests lie below the root")
@@ -21,61 +17,6 @@ fn graphs() -> Vec<PathBuf> {
     graphs.sort();
     assert!(!graphs.is_empty());
     graphs
-}
-
-/// Digests of all values and of all written files, by name.
-fn results(graph: &Path, threads: usize) -> BTreeMap<String, String> {
-    let folder = tempfile::tempdir().expect("a folder");
-    let text = std::fs::read_to_string(graph).expect("readable");
-    let registry = Registry::new(warploom_nodes::NODES);
-    let checked = check(&text, &registry, &Options::new(graph));
-    assert!(checked.faults.is_empty(), "{}: {:#?}", graph.display(), checked.faults);
-    assert!(checked.warnings.is_empty(), "{}: {:#?}", graph.display(), checked.warnings);
-    let plan = checked.plan.expect("a graph without faults has a plan");
-
-    let targets: Vec<String> = plan.nodes.iter().map(|node| node.id.to_string()).collect();
-    let sinks = plan.nodes.iter().filter(|node| node.node_type.sink);
-    let set: Vec<String> = sinks
-        .map(|node| {
-            let path = node.params.json["path"].as_str().expect("a sink's path");
-            let name = Path::new(path).file_name().expect("a file").to_string_lossy();
-            format!("{}.path={:?}", node.id, folder.path().join(&*name))
-        })
-        .collect();
-    let options = Options { targets: &targets, set: &set, ..Options::new(graph) };
-    let plan = Arc::new(check(&text, &registry, &options).plan.expect("a plan"));
-
-    let found = Mutex::new(BTreeMap::new());
-    let deliver = (0..plan.nodes.len()).filter(|&node| !plan.nodes[node].node_type.sink).collect();
-    let job = Job {
-        deliver,
-        on_values: &|Delivery { node, frame, values, .. }| {
-            let mut found = found.lock().expect("no panic");
-            for (output, value) in values.iter().enumerate() {
-                found.insert(format!("{}.{output}@{frame:?}", plan.nodes[node].id), value.digest().hex());
-            }
-            Ok(())
-        },
-        ..Job::default()
-    };
-    let report = Engine::new(Settings { threads, ..Settings::default() }).run(&plan, &job);
-    assert!(report.faults.is_empty(), "{}: {:#?}", graph.display(), report.faults);
-    assert!(!report.outputs.is_empty(), "{} writes something", graph.display());
-    let mut found = found.into_inner().expect("no panic");
-    for output in &report.outputs {
-        found.insert(format!("{}@{:?}", output.node, output.frame), output.blake3.expect("it was written").hex());
-    }
-    found
-}
-
-#[test]
-fn every_example_gives_the_same_bits_on_any_number_of_threads() {
-    for graph in graphs() {
-        let one = results(&graph, 1);
-        for threads in [2, 3, 8] {
-            assert_eq!(one, results(&graph, threads), "{} on {threads} threads", graph.display());
-        }
-    }
 }
 
 #[test]

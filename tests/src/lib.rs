@@ -1,5 +1,6 @@
 //! What the test harnesses of Warploom share.
 
+pub mod harness;
 pub mod io;
 
 /// A generator of numbers that is the same everywhere (SplitMix64).
