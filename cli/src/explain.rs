@@ -33,7 +33,7 @@ pub fn explain(args: &ExplainArgs, registry: &Registry) -> u8 {
 }
 
 fn tell(explanation: &Explanation) {
-    let name = |pair: &PairVerdict| pair.frame.map_or(pair.node.clone(), |frame| format!("{}@{frame}", pair.node));
+    let name = |pair: &PairVerdict| pair.frame.map_or(pair.node.to_string(), |frame| format!("{}@{frame}", pair.node));
     let width = explanation.nodes.iter().map(|pair| name(pair).chars().count()).max().unwrap_or_default();
     for pair in &explanation.nodes {
         let verdict = match pair.verdict {

@@ -25,7 +25,7 @@ pub fn nodes(args: &NodesArgs, registry: &Registry) -> u8 {
         return 0;
     };
     let Some(node_type) = registry.get(name) else {
-        let hint = suggestion(name, registry.iter().map(|node_type| node_type.name.as_str()));
+        let hint = suggestion(name, registry.iter().map(|node_type| &*node_type.name));
         show(&Fault::new(Code::UnknownType, format!("there is no node type `{name}`")).hint(hint), false);
         return 2;
     };

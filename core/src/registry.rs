@@ -13,7 +13,7 @@ use crate::value::Reads;
 /// A node type: its declaration, and how to make a node of it.
 pub struct NodeType {
     /// Its name in graph files.
-    pub name: String,
+    pub name: Arc<str>,
     /// See [`Node::VERSION`].
     pub version: u32,
     /// What it does.
@@ -68,7 +68,7 @@ impl NodeType {
         let defaults = serde_json::to_value(T::default()).unwrap_or_else(|e| panic!("{name}: {e}"));
         let params = schema::params(&schema, &defaults).unwrap_or_else(|e| panic!("{name}.{e}"));
         Self {
-            name: name.to_owned(),
+            name: name.into(),
             version: T::VERSION,
             doc: schema.get("description").and_then(Json::as_str).unwrap_or_default().to_owned(),
             params,

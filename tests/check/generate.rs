@@ -95,7 +95,7 @@ impl Maker<'_> {
         while self.made.len() < count {
             let possible: Vec<&&NodeType> = types.iter().filter(|t| !t.sink && self.can_feed(t)).collect();
             let unused: Vec<&&NodeType> =
-                possible.iter().copied().filter(|t| self.made.iter().all(|made| made.of != t.name)).collect();
+                possible.iter().copied().filter(|t| self.made.iter().all(|made| *made.of != *t.name)).collect();
             let choice = if unused.is_empty() || self.random.below(4) == 0 { possible } else { unused };
             // Of two the one with more ports: what needs much would come up rarely.
             let (one, other) = (*self.random.pick(&choice), *self.random.pick(&choice));
@@ -103,7 +103,7 @@ impl Maker<'_> {
         }
         let sinks: Vec<&&NodeType> = types.iter().filter(|t| t.sink && self.can_feed(t)).collect();
         if sinks.is_empty() {
-            let card = types.iter().find(|t| t.name == "Constant").expect("a card");
+            let card = types.iter().find(|t| &*t.name == "Constant").expect("a card");
             self.node(card);
         }
         let sinks: Vec<&&NodeType> = types.iter().filter(|t| t.sink).collect();
@@ -156,7 +156,7 @@ impl Maker<'_> {
             }
         });
         let kinds = kinds.collect();
-        self.made.push(Made { id, of: node_type.name.clone(), kinds });
+        self.made.push(Made { id, of: node_type.name.to_string(), kinds });
     }
 
     fn piece(&mut self, role: Role, param: &str, text: &str) {

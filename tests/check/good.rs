@@ -22,9 +22,9 @@ fn sixty_graphs_check_clean() {
         assert!(checked.warnings.iter().all(|warning| warning.code == Code::Unreached), "{:#?}", checked.warnings);
         let plan = checked.plan.expect("a graph without faults has a plan");
         assert_eq!(plan.nodes.len(), good.made.len());
-        used.extend(plan.nodes.iter().map(|node| node.node_type.name.clone()));
+        used.extend(plan.nodes.iter().map(|node| node.node_type.name.to_string()));
     }
-    let all: BTreeSet<String> = NODES.iter().map(|node_type| node_type.name.clone()).collect();
+    let all: BTreeSet<String> = NODES.iter().map(|node_type| node_type.name.to_string()).collect();
     assert_eq!(used, all, "sixty graphs use every node type");
 }
 

@@ -51,14 +51,14 @@ fn engine(memory: u64) -> Engine {
 const ROOMY: u64 = 1 << 30;
 
 fn pair<'a>(report: &'a Report, node: &str, frame: Option<i64>) -> &'a PairReport {
-    let found = report.nodes.iter().find(|pair| pair.node == node && pair.frame == frame);
+    let found = report.nodes.iter().find(|pair| &*pair.node == node && pair.frame == frame);
     found.unwrap_or_else(|| panic!("no pair {node} at {frame:?}"))
 }
 
 fn executed(report: &Report) -> Vec<String> {
     let mut names: Vec<String> = (report.nodes.iter())
         .filter(|pair| pair.status == Status::Executed)
-        .map(|pair| pair.frame.map_or(pair.node.clone(), |frame| format!("{}@{frame}", pair.node)))
+        .map(|pair| pair.frame.map_or(pair.node.to_string(), |frame| format!("{}@{frame}", pair.node)))
         .collect();
     names.sort();
     names
@@ -126,7 +126,8 @@ fn two_runs_that_want_one_value_compute_it_once() {
         runs.map(|run| run.join().expect("no panic"))
     });
     assert!(reports.iter().all(|report| report.faults.is_empty()));
-    let slow = reports.iter().flat_map(|r| &r.nodes).filter(|p| p.node_type == "Slow" && p.status == Status::Executed);
+    let slow =
+        reports.iter().flat_map(|r| &r.nodes).filter(|p| &*p.node_type == "Slow" && p.status == Status::Executed);
     assert_eq!(slow.count(), 1, "six pairs want one value");
     // Const, Slow, Sum once; each run writes its own four files.
     assert_eq!(COMPUTED.load(Ordering::Relaxed) - before, 3 + 3 * 4);
@@ -212,7 +213,8 @@ fn the_reasons_name_what_changed() {
     let why = pair(&report, "out", Some(1)).why.clone().expect("a reason");
     assert_eq!((why.code, why.node.as_str(), why.param.as_deref()), (Reason::File, "file", Some("path")));
 
-    let why = bench.run(&engine, &graph(3.0, "other")).nodes.iter().find(|p| p.node == "c").and_then(|p| p.why.clone());
+    let why =
+        bench.run(&engine, &graph(3.0, "other")).nodes.iter().find(|p| &*p.node == "c").and_then(|p| p.why.clone());
     let why = why.expect("a reason");
     assert_eq!((why.code, why.node.as_str()), (Reason::Input, "b"));
     assert_eq!((why.old, why.new), (Some("file.number".into()), Some("other.number".into())));
@@ -253,7 +255,7 @@ fn a_cancel_reaches_into_a_long_node_and_the_rest_can_be_done_later() {
     let observer = CancelAtProgress { cancel: cancel.clone(), started_after: AtomicU64::new(0) };
     let report = bench.run_job(&engine, graph, &Job { observer: &observer, cancel, ..Job::default() });
     assert!(report.cancelled && report.faults.is_empty());
-    let outs = report.nodes.iter().filter(|pair| pair.node == "out");
+    let outs = report.nodes.iter().filter(|pair| &*pair.node == "out");
     assert!(outs.map(|pair| pair.status).eq([Status::Skipped; 4]), "nothing after the cancel");
     let quick = graph.replace("60000", "1");
     assert_eq!(bench.run(&engine, &quick).frames_delivered, 4);

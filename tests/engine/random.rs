@@ -272,7 +272,7 @@ fn compare(
     assert_eq!(report.nodes.len(), identity_of.len(), "one entry for every pair\n{text}");
     let mut executed = HashSet::new();
     for pair in &report.nodes {
-        let identity = &identity_of[&(pair.node.clone(), pair.frame)];
+        let identity = &identity_of[&(pair.node.to_string(), pair.frame)];
         match pair.status {
             Status::Executed => {
                 assert!(executed.insert(identity.clone()), "{identity} executed twice\n{text}");

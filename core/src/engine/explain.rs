@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value as Json;
 
 use super::disk::{DiskTier, Table};
-use super::pairs::{Pair, Pairs};
+use super::pairs::Pairs;
 use super::report::{Reason, Why};
 use super::resolve::Params;
 use super::store::Record;
@@ -57,13 +57,16 @@ pub(crate) struct Course<'a> {
 #[derive(Clone, Serialize, Deserialize)]
 struct Entry {
     key: Option<Digest>,
-    node_type: String,
+    node_type: Arc<str>,
     version: u32,
     params: Params,
     /// Per connection: port, source and output, digests where they are known.
     inputs: Vec<(String, String, Vec<Option<Digest>>)>,
     files: Vec<(PathBuf, Digest)>,
 }
+
+/// Why a pair is another than last time, if it is.
+type Change = Option<Box<Why>>;
 
 type Entries = HashMap<String, Entry>;
 
@@ -90,7 +93,7 @@ struct Draft {
 
 impl Journal {
     /// The reason of every pair that ran; then the journal is brought up to date.
-    pub fn record(&self, course: &Course, disk: Option<&DiskTier>) -> Vec<Option<Why>> {
+    pub fn record(&self, course: &Course, disk: Option<&DiskTier>) -> Vec<Change> {
         let mut drafts = self.open(course, disk, |pages, name| pages.remove(name));
         let reasons = reasons(course, &mut drafts);
         let mut pages = self.pages.lock().unwrap_or_else(PoisonError::into_inner);
@@ -115,7 +118,7 @@ impl Journal {
     }
 
     /// The reason of every pair that would run or be computed again. The journal stays as it is.
-    pub fn foresee(&self, course: &Course, disk: Option<&DiskTier>) -> Vec<Option<Why>> {
+    pub fn foresee(&self, course: &Course, disk: Option<&DiskTier>) -> Vec<Change> {
         reasons(course, &mut self.open(course, disk, |pages, name| pages.get(name).cloned()))
     }
 
@@ -181,10 +184,10 @@ fn page_name(plan: &Plan, frame: Option<i64>) -> Digest {
 }
 
 /// The reasons; the pages are brought up to date on the way.
-fn reasons(course: &Course, drafts: &mut BTreeMap<Option<i64>, Draft>) -> Vec<Option<Why>> {
+fn reasons(course: &Course, drafts: &mut BTreeMap<Option<i64>, Draft>) -> Vec<Change> {
     let plan = course.plan;
-    let mut changes: Vec<Option<Why>> = vec![None; course.pairs.list.len()];
-    let mut reasons: Vec<Option<Why>> = vec![None; course.pairs.list.len()];
+    let mut changes: Vec<Change> = vec![None; course.pairs.list.len()];
+    let mut reasons: Vec<Change> = vec![None; course.pairs.list.len()];
     for &at in &course.pairs.order {
         let pair = &course.pairs.list[at];
         let Some(page) = drafts.get_mut(&pair.request.frame).and_then(|draft| draft.page.as_mut()) else { continue };
@@ -197,8 +200,8 @@ fn reasons(course: &Course, drafts: &mut BTreeMap<Option<i64>, Draft>) -> Vec<Op
                     let text = format!("`{}` runs here for the first time", node.id);
                     plain(plan, pair.node, None, Reason::FirstRun, text)
                 }
-                Some(before) => own_change(plan, pair, before, &now, &changes)
-                    .or_else(|| inherited(pair, before, &now, &changes))
+                Some(before) => own_change(course, at, before, &now, &changes)
+                    .or_else(|| inherited(course.pairs, at, before, &now, &changes))
                     .unwrap_or_else(|| rewired(plan, pair.node, before, &now)),
             });
             if facts.record.is_some() {
@@ -232,9 +235,9 @@ fn entry(course: &Course, at: usize, facts: &Facts) -> Entry {
     let (pair, plan) = (&course.pairs.list[at], course.plan);
     let node = &plan.nodes[pair.node];
     let outline = |from: usize, output: usize| (course.facts)(from).record.map(|record| &record.outputs[output]);
-    let links = pair.links.iter().zip(&node.links);
+    let links = course.pairs.links(at).iter().zip(&node.links);
     let links: Vec<Option<f64>> = links.map(|(&from, &(_, output))| outline(from, output)?.number).collect();
-    let slots = node.slots.iter().zip(&pair.slots);
+    let slots = node.slots.iter().zip(course.pairs.slots(at));
     let inputs = slots.map(|(slot, from)| {
         let source = &plan.nodes[slot.source];
         let output = source.node_type.outputs[slot.output].name;
@@ -252,25 +255,25 @@ fn entry(course: &Course, at: usize, facts: &Facts) -> Entry {
 }
 
 /// A reason at a node, or at one of its parameters.
-pub(crate) fn plain(plan: &Plan, index: usize, param: Option<&str>, code: Reason, text: String) -> Why {
+pub(crate) fn plain(plan: &Plan, index: usize, param: Option<&str>, code: Reason, text: String) -> Box<Why> {
     let node = &plan.nodes[index];
     let at = Some(plan.place(index, param).to_string());
-    Why { param: param.map(str::to_owned), code, node: node.id.to_string(), old: None, new: None, at, text }
+    Box::new(Why { param: param.map(str::to_owned), code, node: node.id.to_string(), old: None, new: None, at, text })
 }
 
 /// A change of the node's own: its type, version, parameters or files.
-fn own_change(plan: &Plan, pair: &Pair, before: &Entry, now: &Entry, changes: &[Option<Why>]) -> Option<Why> {
-    let index = pair.node;
+fn own_change(course: &Course, at: usize, before: &Entry, now: &Entry, changes: &[Change]) -> Change {
+    let (plan, index) = (course.plan, course.pairs.list[at].node);
     let node = &plan.nodes[index];
     if (&before.node_type, before.version) != (&now.node_type, now.version) {
         let describe = |entry: &Entry| format!("{} {}", entry.node_type, entry.version);
         let (old, new) = (describe(before), describe(now));
         let text = format!("`{}` was of type {old} and is of type {new}", node.id);
         let why = plain(plan, index, None, Reason::Version, text);
-        return Some(Why { old: Some(old.into()), new: Some(new.into()), ..why });
+        return Some(Box::new(Why { old: Some(old.into()), new: Some(new.into()), ..*why }));
     }
     // A linked parameter's change is that of the node it is linked to.
-    let links = node.params.links().into_iter().zip(&pair.links);
+    let links = node.params.links().into_iter().zip(course.pairs.links(at));
     let linked: Vec<String> = links.filter(|(_, from)| changes[**from].is_some()).map(|(name, _)| name).collect();
     for param in node.node_type.params.iter().filter(|param| !linked.contains(&param.name)) {
         let (old, new) = (before.params.get(&param.name), now.params.get(&param.name));
@@ -279,13 +282,13 @@ fn own_change(plan: &Plan, pair: &Pair, before: &Entry, now: &Entry, changes: &[
             let (old, new) = (old.cloned().unwrap_or_default(), new.cloned().unwrap_or_default());
             let text = format!("`{}` of `{}` was {old} and is {new}", param.name, node.id);
             let why = plain(plan, index, Some(&param.name), Reason::Param, text);
-            return Some(Why { old: Some(old), new: Some(new), ..why });
+            return Some(Box::new(Why { old: Some(old), new: Some(new), ..*why }));
         }
     }
     let ((path, new), (_, old)) = now.files.iter().zip(&before.files).find(|(new, old)| new.1 != old.1)?;
     let param = read_param(node);
     let why = plain(plan, index, param, Reason::File, format!("{} has other content", path.display()));
-    Some(Why { old: Some(old.hex().into()), new: Some(new.hex().into()), ..why })
+    Some(Box::new(Why { old: Some(old.hex().into()), new: Some(new.hex().into()), ..*why }))
 }
 
 fn read_param(node: &PlanNode) -> Option<&str> {
@@ -293,29 +296,29 @@ fn read_param(node: &PlanNode) -> Option<&str> {
 }
 
 /// The change of the first input that changed, or may, unless it is another input altogether.
-fn inherited(pair: &Pair, before: &Entry, now: &Entry, changes: &[Option<Why>]) -> Option<Why> {
-    for ((slot, new), old) in pair.slots.iter().zip(&now.inputs).zip(&before.inputs) {
+fn inherited(pairs: &Pairs, at: usize, before: &Entry, now: &Entry, changes: &[Change]) -> Change {
+    for ((slot, new), old) in pairs.slots(at).zip(&now.inputs).zip(&before.inputs) {
         let differs = |answer: usize| new.2[answer].is_none() || old.2.get(answer) != new.2.get(answer);
         let changed = slot.iter().enumerate().find(|(answer, _)| differs(*answer));
         if let Some((_, &from)) = changed {
             return if old.1 == new.1 { changes[from].clone() } else { None };
         }
     }
-    pair.links.iter().find_map(|&from| changes[from].clone())
+    pairs.links(at).iter().find_map(|&from| changes[from].clone())
 }
 
 /// Its ports are connected to something else.
-fn rewired(plan: &Plan, index: usize, before: &Entry, now: &Entry) -> Why {
+fn rewired(plan: &Plan, index: usize, before: &Entry, now: &Entry) -> Box<Why> {
     let differs = |at: usize| before.inputs.get(at) != now.inputs.get(at);
     let at = (0..before.inputs.len().max(now.inputs.len())).find(|&at| differs(at)).unwrap_or_default();
     let source = |entry: &Entry| entry.inputs.get(at).map(|(_, source, _)| source.clone());
     let port = now.inputs.get(at).or(before.inputs.get(at)).map(|(port, _, _)| port.as_str());
     let text = format!("`{}` of `{}` is fed by something else", port.unwrap_or_default(), plan.nodes[index].id);
     let why = plain(plan, index, port, Reason::Input, text);
-    Why { old: source(before).map(Json::from), new: source(now).map(Json::from), ..why }
+    Box::new(Why { old: source(before).map(Json::from), new: source(now).map(Json::from), ..*why })
 }
 
-fn triggered(plan: &Plan, index: usize, trigger: Option<&Trigger>) -> Option<Why> {
+fn triggered(plan: &Plan, index: usize, trigger: Option<&Trigger>) -> Change {
     let (code, text) = match trigger? {
         Trigger::OutputMissing(path) => (Reason::OutputMissing, format!("{} is not there any more", path.display())),
         Trigger::OutputChanged(path) => {

@@ -31,10 +31,10 @@ pub enum Verdict {
 #[derive(Clone, Debug, Serialize)]
 pub struct PairVerdict {
     /// The node's name.
-    pub node: String,
+    pub node: Arc<str>,
     /// Its type.
     #[serde(rename = "type")]
-    pub node_type: String,
+    pub node_type: Arc<str>,
     /// The frame; none of what is the same for all.
     pub frame: Option<i64>,
     /// What would become of it.
@@ -42,7 +42,7 @@ pub struct PairVerdict {
     /// Where a known result comes from.
     pub from: Option<From>,
     /// Why it would run; none where it would not.
-    pub why: Option<Why>,
+    pub why: Option<Box<Why>>,
 }
 
 /// What a run would do; the form of `warploom explain --format json`.
@@ -97,7 +97,7 @@ impl Engine {
             let node = &plan.nodes[pairs.list[at].node];
             let pair = foreseen[at].take().expect("every pair is looked at");
             PairVerdict {
-                node: node.id.to_string(),
+                node: node.id.clone(),
                 node_type: node.node_type.name.clone(),
                 frame: pairs.list[at].request.frame,
                 verdict: pair.verdict,
@@ -151,7 +151,7 @@ impl Engine {
             let mut stack: Vec<usize> = targets.filter(|&at| self.standing(plan, &pairs.list[at]).is_empty()).collect();
             while let Some(at) = stack.pop() {
                 if !std::mem::replace(&mut needed[at], true) {
-                    stack.extend(pairs.list[at].inputs());
+                    stack.extend(pairs.inputs(at));
                 }
             }
         }
@@ -162,11 +162,11 @@ impl Engine {
         let (pairs, pair) = (plan.pairs(), &plan.pairs().list[at]);
         let files = self.files_read(plan, pair)?;
         let known = |at: usize| foreseen[at].as_ref().and_then(|input| input.record.as_deref());
-        if pair.inputs().any(|input| known(input).is_none()) {
+        if pairs.inputs(at).iter().any(|&input| known(input).is_none()) {
             return Ok(Foreseen::new(Verdict::MayRun, files));
         }
         let record = |at: usize| known(at).expect("all inputs are known");
-        let key = Resolver { plan, pairs, record }.key(at, &files)?;
+        let key = Resolver { plan, pairs, record }.key(at, &files, &mut Vec::new())?;
         let node_type = &plan.nodes[pair.node].node_type;
         let known = self.store.record(&key).filter(|record| record.outputs.len() == node_type.outputs.len());
         let trigger = known.as_ref().and_then(|record| self.changed(&record.artifacts));

@@ -282,7 +282,7 @@ impl Engine {
             let frame = pair.request.frame;
             let record = known.record.as_deref();
             nodes.push(PairReport {
-                node: node.id.to_string(),
+                node: node.id.clone(),
                 node_type: node.node_type.name.clone(),
                 frame,
                 status: known.status.unwrap_or(Status::Skipped),
@@ -295,7 +295,8 @@ impl Engine {
             });
             let written = record.iter().flat_map(|record| &record.artifacts);
             let written = written.map(|artifact| (&artifact.path, artifact.bytes, Some(artifact.blake3)));
-            let standing = known.standing.iter().map(|(path, bytes)| (path, *bytes, None));
+            let standing =
+                known.files.iter().flat_map(|files| &files.standing).map(|(path, bytes)| (path, *bytes, None));
             outputs.extend(written.chain(standing).map(|(path, bytes, blake3)| OutputReport {
                 node: node.id.to_string(),
                 frame,
@@ -327,7 +328,7 @@ impl Engine {
         }
     }
 
-    fn reasons(&self, plan: &Plan, state: &State) -> Vec<Option<Why>> {
+    fn reasons(&self, plan: &Plan, state: &State) -> Vec<Option<Box<Why>>> {
         let facts = |at: usize| {
             let pair = &state.pairs[at];
             Facts {
@@ -338,8 +339,8 @@ impl Engine {
                 },
                 key: pair.key,
                 record: pair.record.as_deref(),
-                files: &pair.files,
-                trigger: pair.trigger.as_ref(),
+                files: pair.files_read(),
+                trigger: pair.files.as_ref().and_then(|files| files.trigger.as_ref()),
             }
         };
         self.journal.record(&Course { plan, pairs: plan.pairs(), facts: &facts }, self.store.disk.as_ref())

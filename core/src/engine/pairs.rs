@@ -1,6 +1,7 @@
 //! All pairs of a run: what is asked of which node, and what that asks of others.
 
 use std::collections::{HashMap, HashSet};
+use std::ops::Range;
 
 use crate::graph::plan::Plan;
 use crate::node::Request;
@@ -10,24 +11,21 @@ use crate::node::Request;
 pub(crate) struct Pair {
     pub node: usize,
     pub request: Request,
-    /// Per slot of the node, the pairs that answer its requests.
-    pub slots: Vec<Vec<usize>>,
-    /// The pairs that give its links.
-    pub links: Vec<usize>,
-    /// Pairs that have this one in their slots or links, once per edge.
-    pub consumers: Vec<usize>,
-}
-
-impl Pair {
-    /// Everything it waits for, once per edge.
-    pub fn inputs(&self) -> impl Iterator<Item = usize> + '_ {
-        self.slots.iter().flatten().chain(&self.links).copied()
-    }
+    /// Where the ends of its slots stand in `Pairs::ends`.
+    slots: Range<usize>,
+    /// Where its inputs stand in `Pairs::inputs`: those of its slots, then those of its links.
+    inputs: Range<usize>,
+    /// Where its consumers stand in `Pairs::consumers`.
+    consumers: Range<usize>,
 }
 
 /// The pairs of a run.
+#[derive(Default)]
 pub(crate) struct Pairs {
     pub list: Vec<Pair>,
+    inputs: Vec<usize>,
+    ends: Vec<usize>,
+    consumers: Vec<usize>,
     /// Per frame of the run, in order, the targets that first come up there.
     pub frames: Vec<(Option<i64>, Vec<usize>)>,
     /// Per target, its place in `frames`.
@@ -39,8 +37,7 @@ pub(crate) struct Pairs {
 impl Pairs {
     /// Follows every request from the targets to the sources. Works through a list, so a graph may be any depth.
     pub fn expand(plan: &Plan) -> Self {
-        let mut pairs =
-            Self { list: Vec::new(), frames: Vec::new(), frame_of_target: HashMap::new(), order: Vec::new() };
+        let mut pairs = Self::default();
         let mut known: HashMap<(usize, Request), usize> = HashMap::new();
         let mut counted = HashSet::new();
         let frames: Vec<Option<i64>> =
@@ -60,12 +57,51 @@ impl Pairs {
                 pairs.frames.push((frame, targets));
             }
         }
-        for at in 0..pairs.list.len() {
-            let inputs: Vec<usize> = pairs.list[at].inputs().collect();
-            inputs.into_iter().for_each(|input| pairs.list[input].consumers.push(at));
-        }
+        pairs.find_consumers();
         pairs.order = pairs.in_order(plan);
         pairs
+    }
+
+    /// Everything a pair waits for, once per edge.
+    pub fn inputs(&self, at: usize) -> &[usize] {
+        &self.inputs[self.list[at].inputs.clone()]
+    }
+
+    /// Per slot of its node, the pairs that answer the requests made of it.
+    pub fn slots(&self, at: usize) -> impl Iterator<Item = &[usize]> {
+        let pair = &self.list[at];
+        let mut start = pair.inputs.start;
+        self.ends[pair.slots.clone()].iter().map(move |&end| &self.inputs[std::mem::replace(&mut start, end)..end])
+    }
+
+    /// The pairs that give its links.
+    pub fn links(&self, at: usize) -> &[usize] {
+        let pair = &self.list[at];
+        let start = self.ends[pair.slots.clone()].last().copied().unwrap_or(pair.inputs.start);
+        &self.inputs[start..pair.inputs.end]
+    }
+
+    /// Pairs that have this one among their inputs, once per edge.
+    pub fn consumers(&self, at: usize) -> &[usize] {
+        &self.consumers[self.list[at].consumers.clone()]
+    }
+
+    fn find_consumers(&mut self) {
+        let mut counts = vec![0; self.list.len()];
+        self.inputs.iter().for_each(|&input| counts[input] += 1);
+        let mut end = 0;
+        for (pair, count) in self.list.iter_mut().zip(counts) {
+            pair.consumers = end..end;
+            end += count;
+        }
+        self.consumers = vec![0; end];
+        for at in 0..self.list.len() {
+            for edge in self.list[at].inputs.clone() {
+                let consumers = &mut self.list[self.inputs[edge]].consumers;
+                self.consumers[consumers.end] = at;
+                consumers.end += 1;
+            }
+        }
     }
 
     fn in_order(&self, plan: &Plan) -> Vec<usize> {
@@ -85,8 +121,7 @@ impl Pairs {
     ) -> usize {
         let request = plan.canonical(node, request);
         *known.entry((node, request.clone())).or_insert_with(|| {
-            let pair = Pair { node, request, slots: Vec::new(), links: Vec::new(), consumers: Vec::new() };
-            self.list.push(pair);
+            self.list.push(Pair { node, request, slots: 0..0, inputs: 0..0, consumers: 0..0 });
             self.list.len() - 1
         })
     }
@@ -94,13 +129,19 @@ impl Pairs {
     fn connect(&mut self, plan: &Plan, known: &mut HashMap<(usize, Request), usize>, at: usize) {
         let node = &plan.nodes[self.list[at].node];
         let request = self.list[at].request.clone();
-        let mut slots = Vec::with_capacity(node.slots.len());
+        let (first_end, first_input) = (self.ends.len(), self.inputs.len());
         for slot in &node.slots {
-            let needs = node.prototype.needs(&slot.port, &request, &plan.frames);
-            slots.push(needs.iter().map(|need| self.intern(plan, known, slot.source, need)).collect());
+            for need in node.prototype.needs(&slot.port, &request, &plan.frames) {
+                let input = self.intern(plan, known, slot.source, &need);
+                self.inputs.push(input);
+            }
+            self.ends.push(self.inputs.len());
         }
-        let links = node.links.iter().map(|&(source, _)| self.intern(plan, known, source, &request)).collect();
-        self.list[at].slots = slots;
-        self.list[at].links = links;
+        for &(source, _) in &node.links {
+            let input = self.intern(plan, known, source, &request);
+            self.inputs.push(input);
+        }
+        self.list[at].slots = first_end..self.ends.len();
+        self.list[at].inputs = first_input..self.inputs.len();
     }
 }

@@ -1,6 +1,7 @@
 //! What a run tells of itself.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use serde::Serialize;
 
@@ -87,10 +88,10 @@ pub enum Reason {
 #[derive(Clone, Debug, Serialize)]
 pub struct PairReport {
     /// The node's name.
-    pub node: String,
+    pub node: Arc<str>,
     /// Its type.
     #[serde(rename = "type")]
-    pub node_type: String,
+    pub node_type: Arc<str>,
     /// The frame; none of what is the same for all.
     pub frame: Option<i64>,
     /// What became of it.
@@ -104,7 +105,7 @@ pub struct PairReport {
     /// Most memory the node asked for while it computed; 0 where it did not.
     pub peak_bytes: u64,
     /// Why it ran; none where it did not.
-    pub why: Option<Why>,
+    pub why: Option<Box<Why>>,
     /// What it measured of itself.
     pub stats: serde_json::Map<String, serde_json::Value>,
 }

@@ -33,16 +33,16 @@ impl<'a, R: Fn(usize) -> &'a Record> Resolver<'a, R> {
     pub fn params(&self, at: usize) -> Result<Params, Fault> {
         let (pair, node) = (&self.pairs.list[at], self.node(at));
         let number = |(&from, &(_, output)): (&usize, &(usize, usize))| (self.record)(from).outputs[output].number;
-        let links = pair.links.iter().zip(&node.links).map(|link| Some(number(link).unwrap_or(f64::NAN)));
+        let links = self.pairs.links(at).iter().zip(&node.links).map(|link| Some(number(link).unwrap_or(f64::NAN)));
         self.plan.params_at(pair.node, pair.request.frame, &links.collect::<Vec<_>>())
     }
 
     /// The action key; `files` are the digests of the files it reads, in the order of its parameters.
-    pub fn key(&self, at: usize, files: &[(PathBuf, Digest)]) -> Result<Digest, Fault> {
+    pub fn key(&self, at: usize, files: &[(PathBuf, Digest)], scratch: &mut Vec<u8>) -> Result<Digest, Fault> {
         let (pair, node) = (&self.pairs.list[at], self.node(at));
         let recipe = self.recipe(at)?;
-        let mut key = Key::new(node, &recipe, &pair.request);
-        for (slot, from) in node.slots.iter().zip(&pair.slots) {
+        let mut key = Key::new(node, &recipe, &pair.request, scratch);
+        for (slot, from) in node.slots.iter().zip(self.pairs.slots(at)) {
             key.count(from.len());
             from.iter().for_each(|&from| key.digest(&(self.record)(from).outputs[slot.output].part(&slot.reads)));
         }

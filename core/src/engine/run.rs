@@ -55,7 +55,10 @@ impl Worker<'_> {
         }
         let mut state = self.shared.lock();
         let pair = &mut state.pairs[at];
-        (pair.trigger, pair.working) = (trigger, true);
+        pair.working = true;
+        if trigger.is_some() {
+            pair.files_mut().trigger = trigger;
+        }
         self.gather(&mut state, at);
     }
 
@@ -70,9 +73,12 @@ impl Worker<'_> {
         if let Some(key) = state.pairs[at].key.filter(|_| files.is_empty()) {
             return Ok(key);
         }
-        let key = self.resolver(&state).key(at, &files)?;
+        let key = self.resolver(&state).key(at, &files, &mut Vec::new())?;
         let pair = &mut state.pairs[at];
-        (pair.key, pair.files) = (Some(key), files);
+        pair.key = Some(key);
+        if !files.is_empty() {
+            pair.files_mut().read = files;
+        }
         Ok(key)
     }
 
@@ -103,7 +109,8 @@ impl Worker<'_> {
                 self.job.observer.event(Event::Output { path, bytes: *bytes, blake3: None, written: false });
             }
             let pair = &mut state.pairs[at];
-            (pair.status, pair.from, pair.standing) = (Some(status), Some(From::File), standing);
+            (pair.status, pair.from) = (Some(status), Some(From::File));
+            pair.files_mut().standing = standing;
             self.close_target(state, at);
         }
     }
@@ -139,7 +146,7 @@ impl Worker<'_> {
 
     fn recompute(&self, state: &mut State, at: usize) {
         state.pairs[at].recompute = true;
-        for input in self.pairs.list[at].inputs() {
+        for &input in self.pairs.inputs(at) {
             state.pairs[input].holds += 1;
         }
         self.gather(state, at);
@@ -201,7 +208,7 @@ impl Worker<'_> {
                 Some(slot.reads.restrict(&values[slot.output].value))
             })
         };
-        let slots = self.node(at).slots.iter().zip(&self.pairs.list[at].slots);
+        let slots = self.node(at).slots.iter().zip(self.pairs.slots(at));
         slots.map(|(slot, from)| from.iter().map(|&from| given(slot, from)).collect()).collect()
     }
 
@@ -219,7 +226,7 @@ impl Worker<'_> {
             let written = self.shared.plan.files_at(pair.node, pair.request.frame, Access::Write);
             self.engine.sweep(written.map(|(_, path)| path));
         }
-        let files = self.shared.lock().pairs[at].files.clone();
+        let files = self.shared.lock().pairs[at].files_read().to_vec();
         let control = PairControl { worker: self, at, lease, starved: AtomicBool::new(false) };
         let context = Context {
             inputs: &inputs,

@@ -158,11 +158,30 @@ pub(crate) struct PairState {
     pub seconds: f64,
     /// Most memory it asked for, bytes.
     pub peak: u64,
+    /// Of a pair that reads or writes files.
+    pub files: Option<Box<PairFiles>>,
+}
+
+/// What is known of a pair's files.
+#[derive(Default)]
+pub(crate) struct PairFiles {
     /// Files it reads, and digests of their content.
-    pub files: Vec<(PathBuf, Digest)>,
+    pub read: Vec<(PathBuf, Digest)>,
     /// Files of a sink that stand whatever is in them, and their sizes.
     pub standing: Vec<(PathBuf, u64)>,
+    /// Why it runs though its key is known.
     pub trigger: Option<Trigger>,
+}
+
+impl PairState {
+    pub fn files_mut(&mut self) -> &mut PairFiles {
+        self.files.get_or_insert_default()
+    }
+
+    /// Files it reads, and digests of their content.
+    pub fn files_read(&self) -> &[(PathBuf, Digest)] {
+        self.files.as_ref().map_or(&[], |files| &files.read)
+    }
 }
 
 impl State {
@@ -192,13 +211,12 @@ impl Shared {
         let pairs = plan.pairs();
         let mut delivers = vec![false; plan.nodes.len()];
         deliver.iter().for_each(|&node| delivers[node] = true);
-        let mut states: Vec<PairState> = (pairs.list.iter())
-            .map(|pair| PairState {
-                unresolved: pair.inputs().count(),
-                holds: pair.consumers.len(),
-                ..PairState::default()
-            })
-            .collect();
+        let state = |at| PairState {
+            unresolved: pairs.inputs(at).len(),
+            holds: pairs.consumers(at).len(),
+            ..PairState::default()
+        };
+        let mut states: Vec<PairState> = (0..pairs.list.len()).map(state).collect();
         // What is handed out is held until then, as if by one consumer more.
         let targets = pairs.frames.iter().flat_map(|(_, targets)| targets);
         targets.filter(|&&at| delivers[pairs.list[at].node]).for_each(|&at| states[at].holds += 1);
@@ -341,7 +359,7 @@ impl<'a> Worker<'a> {
                 if pair.unresolved == 0 {
                     resolvable.push(at);
                 }
-                stack.extend(self.pairs.list[at].inputs());
+                stack.extend(self.pairs.inputs(at));
             }
             self.cascade(state, resolvable);
         }
@@ -350,20 +368,21 @@ impl<'a> Worker<'a> {
     /// Resolves pairs whose inputs are, and whatever that makes resolvable, as far as their records are in memory and
     /// no file has to be looked at. What is left becomes tasks.
     pub(super) fn cascade(&self, state: &mut State, mut resolvable: Vec<usize>) {
+        let mut scratch = Vec::new();
         while let Some(at) = resolvable.pop() {
-            match self.at_hand(state, at) {
+            match self.at_hand(state, at, &mut scratch) {
                 Some(record) => self.reuse(state, at, record, From::Record, &mut resolvable),
                 None => state.push(Task::Resolve(at)),
             }
         }
     }
 
-    fn at_hand(&self, state: &mut State, at: usize) -> Option<Arc<Record>> {
+    fn at_hand(&self, state: &mut State, at: usize, scratch: &mut Vec<u8>) -> Option<Arc<Record>> {
         let node = self.node(at);
         if !node.params.paths.is_empty() {
             return None;
         }
-        let key = self.resolver(state).key(at, &[]).ok()?;
+        let key = self.resolver(state).key(at, &[], scratch).ok()?;
         state.pairs[at].key = Some(key);
         self.fitting(at, self.engine.store.record_at_hand(&key)?)
     }
@@ -392,7 +411,7 @@ impl<'a> Worker<'a> {
     /// Tells consumers that the pair's outlines are known; those that wait for nothing else become resolvable.
     pub(super) fn publish(&self, state: &mut State, at: usize, record: Arc<Record>, resolvable: &mut Vec<usize>) {
         state.pairs[at].record = Some(record);
-        for &consumer in &self.pairs.list[at].consumers {
+        for &consumer in self.pairs.consumers(at) {
             let waiting = &mut state.pairs[consumer];
             waiting.unresolved -= 1;
             if waiting.unresolved == 0 && waiting.admitted && !waiting.done {
@@ -442,7 +461,7 @@ impl<'a> Worker<'a> {
 
     /// The pairs whose values a pair needs. Of inputs that are read for their windows alone, the outline is enough.
     pub(super) fn needed(&self, at: usize) -> Vec<usize> {
-        let slots = self.node(at).slots.iter().zip(&self.pairs.list[at].slots);
+        let slots = self.node(at).slots.iter().zip(self.pairs.slots(at));
         let mut inputs: Vec<usize> =
             slots.filter(|(slot, _)| slot.reads != Reads::Windows).flat_map(|(_, from)| from).copied().collect();
         inputs.sort_unstable();
@@ -502,7 +521,7 @@ impl<'a> Worker<'a> {
     }
 
     pub(super) fn release_inputs(&self, state: &mut State, at: usize) {
-        for input in self.pairs.list[at].inputs() {
+        for &input in self.pairs.inputs(at) {
             self.release(state, input);
         }
     }
@@ -555,7 +574,7 @@ impl<'a> Worker<'a> {
             let pair = &mut state.pairs[at];
             let holds_inputs = std::mem::take(&mut pair.recompute) || !pair.done && !was_resolved;
             if std::mem::take(&mut pair.awaited) > 0 {
-                for input in self.pairs.list[at].inputs() {
+                for &input in self.pairs.inputs(at) {
                     state.pairs[input].waiters.retain(|&waiter| waiter != at);
                 }
             }
@@ -565,7 +584,7 @@ impl<'a> Worker<'a> {
             self.close_target(state, at);
             stack.extend(waiters.into_iter().map(|waiter| (waiter, Status::Skipped)));
             if !was_resolved {
-                let consumers = self.pairs.list[at].consumers.iter().copied();
+                let consumers = self.pairs.consumers(at).iter().copied();
                 stack.extend(consumers.filter(|&c| !state.pairs[c].done).map(|c| (c, Status::Skipped)));
             }
         }

@@ -66,7 +66,10 @@ pub fn main_job() {
     let values = values.lock().expect("no panic");
     let mut seen = HashSet::new();
     let buffers: f64 = values.iter().map(|value| digest_seconds(value, &mut seen)).sum();
-    let files: f64 = [&plate, &matte, &out].map(|file| seconds(|| Digest::of_bytes(&std::fs::read(file).expect("readable"))).1).iter().sum();
+    let files: f64 = [&plate, &matte, &out]
+        .map(|file| seconds(|| Digest::of_bytes(&std::fs::read(file).expect("readable"))).1)
+        .iter()
+        .sum();
     println!(
         "feature_warp at 4096 x 2160: run {run:.2} s; digests of {} values {:.0} ms, of 3 files {:.0} ms, \
         a run with nothing to do {:.1} ms; together {:.1} % of the run",

@@ -373,7 +373,7 @@ fn read_entry<'a>(id: &'a str, value: &'a Spanned<Ron>, registry: &Registry, rep
             entry.node_type = registry.get(&name.value).cloned();
             entry.sound = entry.node_type.is_some();
             if !entry.sound {
-                let names: Vec<&str> = registry.iter().map(|t| t.name.as_str()).collect();
+                let names: Vec<&str> = registry.iter().map(|t| &*t.name).collect();
                 let hint = closest(&name.value, names).map(|name| format!("did you mean `{name}`?"));
                 let hint = hint.unwrap_or_else(|| "`warploom nodes` lists them; plugins come with --plugins".into());
                 let fault = Fault::new(Code::UnknownType, format!("there is no node type `{}`", name.value));
