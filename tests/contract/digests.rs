@@ -106,7 +106,7 @@ fn changed_bits_raise_the_version() {
         let outcome = stage.run(&engine, &subject);
         assert!(outcome.report.faults.is_empty(), "{name}: {:#?}", outcome.report.faults);
         let now = stored(&subject, &outcome);
-        match known.remove(name) {
+        match known.remove(&name) {
             Some(before) if before == now => {}
             Some(before) if before.version == now.version => {
                 problems.push(format!("{name} gives other bits than version {} did: raise its VERSION", now.version));
@@ -114,7 +114,7 @@ fn changed_bits_raise_the_version() {
             _ if update => {}
             Some(_) | None => problems.push(format!("{name} is new: run once with UPDATE_DIGESTS=1")),
         }
-        fresh.insert(name.clone(), now);
+        fresh.insert(name, now);
     }
     let gone = known.keys().filter(|_| !update);
     problems.extend(gone.map(|name| format!("{name} is gone: run once with UPDATE_DIGESTS=1")));

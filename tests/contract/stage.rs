@@ -138,7 +138,7 @@ pub struct Outcome {
 impl Outcome {
     /// What became of the subject itself.
     pub fn status(&self) -> Option<Status> {
-        self.report.nodes.iter().find(|pair| pair.node == "it").map(|pair| pair.status)
+        self.report.nodes.iter().find(|pair| &*pair.node == "it").map(|pair| pair.status)
     }
 
     /// Digests of all outputs and of all files written; what stopped it, if anything did.
