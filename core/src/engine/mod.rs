@@ -244,6 +244,7 @@ impl Engine {
                 from: known.from,
                 seconds: known.seconds,
                 bytes: record.map_or(0, |record| record.outputs.iter().map(|outline| outline.bytes).sum()),
+                peak_bytes: known.peak_bytes,
                 why,
                 stats: record.map(|record| record.stats.clone()).unwrap_or_default(),
             });

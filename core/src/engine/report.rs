@@ -100,6 +100,8 @@ pub struct PairReport {
     pub seconds: f64,
     /// Memory its outputs take.
     pub bytes: u64,
+    /// Most memory the node asked for while it computed; 0 where it did not compute.
+    pub peak_bytes: u64,
     /// Why it ran; none where it did not.
     pub why: Option<Why>,
     /// What it measured of itself.

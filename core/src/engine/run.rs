@@ -211,6 +211,11 @@ impl Worker<'_> {
                 Ok::<_, NodeError>((outputs, outlines, start.elapsed().as_secs_f64()))
             })
         }));
+        let asked = context.allocated.into_inner();
+        {
+            let mut state = self.shared.lock();
+            state.pairs[at].peak_bytes = state.pairs[at].peak_bytes.max(asked);
+        }
         let artifacts = context.artifacts.into_inner().unwrap_or_else(PoisonError::into_inner);
         match computed {
             Ok(Ok((outputs, outlines, seconds))) => self.computed(at, outputs, outlines, artifacts, seconds),

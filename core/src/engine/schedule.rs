@@ -94,6 +94,8 @@ pub(crate) struct PairState {
     pub status: Option<Status>,
     pub from: Option<From>,
     pub seconds: f64,
+    /// Most memory its node asked for.
+    pub peak_bytes: u64,
     pub evidence: Option<Evidence>,
     pub trigger: Option<Trigger>,
 }
