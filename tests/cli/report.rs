@@ -4,8 +4,7 @@ use serde_json::{Value as Json, json};
 
 use crate::desk::{Desk, executed, keys, pair, small_job, text};
 
-const PAIR: [&str; 10] =
-    ["node", "type", "frame", "status", "from", "seconds", "bytes", "peak_bytes", "why", "stats"];
+const PAIR: [&str; 10] = ["node", "type", "frame", "status", "from", "seconds", "bytes", "peak_bytes", "why", "stats"];
 const WHY: [&str; 7] = ["code", "node", "param", "old", "new", "at", "text"];
 const FAULT: [&str; 8] = ["code", "node", "parameter", "frame", "file", "line", "column", "message"];
 
