@@ -10,7 +10,7 @@ use warploom_core::graph::frames::{expand_pattern, folded, has_pattern, paths_ov
 use warploom_core::graph::plan::Plan;
 use warploom_core::node::{NodeError, OutputKind};
 use warploom_core::value::{Buffer, Channel, Direction, Grid, Image, Kind, Plane, Rect, SampleType, Value, Warp};
-use warploom_nodes::io::codec::{EXTENSIONS, Reserve, WriteOptions, as_image, encode_image};
+use warploom_nodes::io::codec::{EXTENSIONS, Host, WriteOptions, as_image, encode_image};
 
 /// One `NODE[.PORT]=FILE`.
 pub struct Dump {
@@ -127,7 +127,7 @@ impl Planned {
 pub fn write(dumps: &[Planned], delivery: &Delivery, wrote: impl Fn(&Path)) -> Result<(), Fault> {
     for dump in dumps.iter().filter(|dump| dump.node == delivery.node) {
         let value = &delivery.values[dump.output];
-        let bytes = encode(value, &dump.path, delivery.reserve).map_err(|error| {
+        let bytes = encode(value, &dump.path, &|bytes| (delivery.reserve)(bytes)).map_err(|error| {
             let message = format!("cannot dump to {}: {}", dump.path.display(), error.message);
             Fault::new(error.class.into(), message).hint(error.hint)
         })?;
@@ -166,15 +166,15 @@ fn unwritable(kind: Kind, extension: &str) -> Option<NodeError> {
     })
 }
 
-fn encode(value: &Value, path: &Path, reserve: Reserve) -> Result<Vec<u8>, NodeError> {
+fn encode(value: &Value, path: &Path, host: &dyn Host) -> Result<Vec<u8>, NodeError> {
     let extension = extension(path);
     if let Some(error) = unwritable(value.kind(), &extension) {
         return Err(error);
     }
-    let image = |image: &Image| encode_image(image, &extension, &WriteOptions::default(), reserve);
+    let image = |image: &Image| encode_image(image, &extension, &WriteOptions::default(), host);
     if extension == "json" {
         // A number is a node of a tree before it is text.
-        reserve(8 * u128::from(value.bytes()))?;
+        host.reserve(8 * u128::from(value.bytes()))?;
     }
     let json = match value {
         Value::Image(picture) => return image(picture),

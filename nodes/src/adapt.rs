@@ -1,8 +1,10 @@
 //! Between the graph's values and the arrays that algorithms take.
 
-use warploom_algo::Interrupted;
+use std::sync::{Mutex, PoisonError};
+
 use warploom_algo::lattice::{Lattice, Positions};
 use warploom_algo::view::{View, ViewMut};
+use warploom_algo::{Interrupted, Watch, Watcher};
 use warploom_core::node::{Context, ErrorClass, NodeError};
 use warploom_core::value::{Buffer, BufferMut, Grid, Sample, Warp};
 
@@ -19,15 +21,53 @@ pub fn lattice(grid: &Grid) -> Lattice {
     Lattice { origin: grid.origin, spacing: grid.spacing, nodes: grid.nodes }
 }
 
-pub fn positions(warp: &Warp) -> Positions {
-    Positions { x: warp.x.to_vec(), y: warp.y.to_vec() }
+/// A copy of the warp's positions, once there is room for it.
+pub fn positions(cx: &Context, warp: &Warp) -> Result<Positions, NodeError> {
+    cx.go_on()?;
+    cx.reserve(warp.grid.node_count() as u128 * size_of::<[f64; 2]>() as u128)?;
+    let x = warp.x.to_vec();
+    cx.go_on()?;
+    Ok(Positions { x, y: warp.y.to_vec() })
 }
 
-/// How an algorithm asks whether to go on.
-pub fn watch<'a>(cx: &'a Context) -> impl Fn(f64) -> Result<(), Interrupted> + Sync + 'a {
-    |part| cx.progress(part).map_err(|_| Interrupted)
+/// A node at work, as algorithms see it.
+pub struct AtWork<'a> {
+    cx: &'a Context<'a>,
+    /// Why memory was refused.
+    refusal: Mutex<Option<NodeError>>,
 }
 
-pub fn stopped(_: Interrupted) -> NodeError {
-    NodeError::new(ErrorClass::Cancelled, "stopped")
+impl<'a> AtWork<'a> {
+    pub fn new(cx: &'a Context) -> Self {
+        Self { cx, refusal: Mutex::default() }
+    }
+
+    /// Why the node interrupted an algorithm.
+    pub fn error(self, _: Interrupted) -> NodeError {
+        let refusal = self.refusal.into_inner().unwrap_or_else(PoisonError::into_inner);
+        refusal.unwrap_or_else(|| NodeError::new(ErrorClass::Cancelled, "stopped"))
+    }
+}
+
+impl Watcher for AtWork<'_> {
+    fn progress(&self, part: f64) -> Result<(), Interrupted> {
+        self.cx.progress(part).map_err(|_| Interrupted)
+    }
+
+    fn go_on(&self) -> Result<(), Interrupted> {
+        self.cx.go_on().map_err(|_| Interrupted)
+    }
+
+    fn reserve(&self, bytes: usize) -> Result<(), Interrupted> {
+        self.cx.reserve(bytes as u128).map_err(|error| {
+            self.refusal.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
+            Interrupted
+        })
+    }
+}
+
+/// Runs an algorithm that tells how far it is, and may be interrupted.
+pub fn watched<T>(cx: &Context, run: impl FnOnce(Watch) -> Result<T, Interrupted>) -> Result<T, NodeError> {
+    let at_work = AtWork::new(cx);
+    run(&at_work).map_err(|interrupted| at_work.error(interrupted))
 }

@@ -102,7 +102,7 @@ fn changed_bits_raise_the_version() {
     let mut problems = Vec::new();
     let mut fresh = BTreeMap::new();
     for node_type in node_types() {
-        let (name, subject) = (&node_type.name, Subject::new(node_type, Which::Large));
+        let (name, subject) = (node_type.name.to_string(), Subject::new(node_type, Which::Large));
         let outcome = stage.run(&engine, &subject);
         assert!(outcome.report.faults.is_empty(), "{name}: {:#?}", outcome.report.faults);
         let now = stored(&subject, &outcome);

@@ -266,6 +266,7 @@ impl Engine {
             worker.work();
         });
         Worker::abandon(self, &shared);
+        self.store.settle();
         let report = self.report(plan, job, &mut shared.lock(), start);
         self.store.tidy();
         report

@@ -14,7 +14,7 @@ use super::store::{Kept, Record, Tier};
 use super::{Event, Existing};
 use crate::diag::{Code, Fault};
 use crate::graph::plan::Slot;
-use crate::node::{NodeError, Outputs};
+use crate::node::{ErrorClass, NodeError, Outputs};
 use crate::schema::Access;
 use crate::value::{Digest, Given, Outline, Value};
 
@@ -178,7 +178,10 @@ impl Worker<'_> {
             node: pair.node,
             frame: pair.request.frame,
             values: &values,
-            reserve: &|bytes| control.reserve(bytes, Purpose::Other),
+            reserve: &|bytes| match control.is_stopped() {
+                true => Err(NodeError::new(ErrorClass::Cancelled, "stopped")),
+                false => control.reserve(bytes, Purpose::Other),
+            },
         };
         let delivered = self.engine.pool.install(|| (self.job.on_values)(delivery));
         let starved = control.starved.into_inner();

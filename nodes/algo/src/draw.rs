@@ -1,5 +1,6 @@
 //! Drawing lines.
 
+use crate::bins::by_band;
 use crate::lattice::Positions;
 use crate::steps::Steps;
 use crate::view::ViewMut;
@@ -50,46 +51,81 @@ pub fn lattice_lines(
     assert!(width.is_finite() && width > 0.0, "lines {width} px wide");
     let window = Window { x0: x0 as f64, y0: y0 as f64, width: out.width(), height: out.height() };
     let pen = Pen { radius: 0.5 * width, reach: 0.5 * width + 0.5 };
-    let mut bins = vec![Vec::new(); window.height.div_ceil(BAND)];
-    for_each_segment(nodes, every, |from, to| {
-        let Some(segment) = Segment::new([x[from], y[from]], [x[to], y[to]]) else { return };
-        let rows = segment.rows(&pen, &window);
-        if !rows.is_empty() && !segment.columns(&pen, &window).is_empty() {
-            bins[rows.start / BAND..rows.end.div_ceil(BAND)].iter_mut().for_each(|bin| bin.push(segment));
-        }
+    let lines = |axis: usize| nodes[1 - axis] / every + 2;
+    let most: usize = [0, 1].map(|axis| lines(axis) * (nodes[axis] / PIECE + 1)).iter().sum();
+    // As they are listed, and once more with their rows.
+    watch.reserve(2 * most * size_of::<Piece>())?;
+    let all = pieces(nodes, every);
+    let touching = all.into_par_iter().map(|piece| {
+        watch.go_on()?;
+        let segments = piece.segments(positions).filter(|segment| !segment.columns(&pen, &window).is_empty());
+        let rows = segments.map(|segment| segment.rows(&pen, &window)).filter(|rows| !rows.is_empty());
+        let rows = rows.reduce(|a, b| a.start.min(b.start)..a.end.max(b.end));
+        Ok(Piece { rows: rows.unwrap_or(0..0), ..piece })
     });
+    let pieces = touching.collect::<Result<Vec<_>, _>>()?;
+    let bins = by_band(&pieces, |piece| piece.rows.clone(), BAND, window.height.div_ceil(BAND), watch)?;
     let steps = Steps::new(watch, bins.len());
     out.bands(BAND).into_par_iter().zip(bins).try_for_each(|((top, mut band), bin)| {
-        draw_band(&bin, &pen, &window, top, &mut band);
+        (0..band.height()).for_each(|row| band.row_mut(row).fill(0.0));
+        for &piece in &bin {
+            watch.go_on()?;
+            let segments = pieces[piece as usize].segments(positions);
+            segments.for_each(|segment| draw(&segment, &pen, &window, top, &mut band));
+        }
         steps.step()
     })
 }
 
-/// Calls `f(from, to)` with the indices of the nodes at the ends of every segment to draw.
-fn for_each_segment(nodes: [usize; 2], every: usize, mut f: impl FnMut(usize, usize)) {
-    let [columns, rows] = nodes;
-    let drawn = |line: usize, lines: usize| line.is_multiple_of(every) || line + 1 == lines;
-    for row in (0..rows).filter(|&row| drawn(row, rows)) {
-        (1..columns).for_each(|column| f(row * columns + column - 1, row * columns + column));
-    }
-    for column in (0..columns).filter(|&column| drawn(column, columns)) {
-        (1..rows).for_each(|row| f((row - 1) * columns + column, row * columns + column));
+/// Segments of a line that are looked for together.
+const PIECE: usize = 32;
+
+/// Some of the segments along one line.
+#[derive(Clone)]
+struct Piece {
+    /// Node at which the first begins.
+    first: usize,
+    /// From one node to the next.
+    step: usize,
+    count: usize,
+    /// Rows of the window that they may touch.
+    rows: Range<usize>,
+}
+
+impl Piece {
+    fn segments(&self, positions: &Positions) -> impl Iterator<Item = Segment> {
+        let node = |node: usize| [positions.x[node], positions.y[node]];
+        let starts = (0..self.count).map(|number| self.first + number * self.step);
+        starts.filter_map(move |from| Segment::new(node(from), node(from + self.step)))
     }
 }
 
-/// Draws the segments of one band, whose first row is the window's row `top`.
-fn draw_band(segments: &[Segment], pen: &Pen, window: &Window, top: usize, band: &mut ViewMut<f32>) {
-    (0..band.height()).for_each(|row| band.row_mut(row).fill(0.0));
-    for segment in segments {
-        let rows = segment.rows(pen, window);
-        for row in rows.start.max(top)..rows.end.min(top + band.height()) {
-            let y = window.y0 + row as f64 + 0.5;
-            let columns = segment.columns_in_row(y, pen, window);
-            let samples = &mut band.row_mut(row - top)[columns.clone()];
-            for (sample, column) in samples.iter_mut().zip(columns) {
-                let distance = segment.distance([window.x0 + column as f64 + 0.5, y]);
-                *sample = sample.max(pen.coverage(distance));
-            }
+/// All lines to draw, cut into pieces.
+fn pieces([columns, rows]: [usize; 2], every: usize) -> Vec<Piece> {
+    let drawn = move |lines: usize| (0..lines).filter(move |line| line.is_multiple_of(every) || line + 1 == lines);
+    let cut = |first: usize, step: usize, nodes: usize| {
+        let starts = (0..nodes.saturating_sub(1)).step_by(PIECE);
+        starts.map(move |start| Piece {
+            first: first + start * step,
+            step,
+            count: PIECE.min(nodes - 1 - start),
+            rows: 0..0,
+        })
+    };
+    let across = drawn(rows).flat_map(|row| cut(row * columns, 1, columns));
+    across.chain(drawn(columns).flat_map(|column| cut(column, columns, rows))).collect()
+}
+
+/// Draws a segment into the band whose first row is the window's row `top`.
+fn draw(segment: &Segment, pen: &Pen, window: &Window, top: usize, band: &mut ViewMut<f32>) {
+    let rows = segment.rows(pen, window);
+    for row in rows.start.max(top)..rows.end.min(top + band.height()) {
+        let y = window.y0 + row as f64 + 0.5;
+        let columns = segment.columns_in_row(y, pen, window);
+        let samples = &mut band.row_mut(row - top)[columns.clone()];
+        for (sample, column) in samples.iter_mut().zip(columns) {
+            let distance = segment.distance([window.x0 + column as f64 + 0.5, y]);
+            *sample = sample.max(pen.coverage(distance));
         }
     }
 }

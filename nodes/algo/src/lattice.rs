@@ -1,5 +1,9 @@
 //! The regular lattice that warps live on.
 
+use crate::steps::Steps;
+use crate::{Interrupted, UNWATCHED, Watch};
+use rayon::prelude::*;
+
 /// A regular lattice of nodes at rest: node (c, r) lies at `origin + (c, r) * spacing`, in px.
 ///
 /// Arrays over its nodes are row-major, `nodes[0]` columns wide; arrays over its cells are row-major,
@@ -53,16 +57,26 @@ pub struct Positions {
 }
 
 impl Positions {
-    /// `map` of every node's rest position.
-    pub fn from_map(lattice: &Lattice, map: impl Fn([f64; 2]) -> [f64; 2]) -> Self {
-        let (mut x, mut y) = (Vec::with_capacity(lattice.node_count()), Vec::with_capacity(lattice.node_count()));
-        for row in 0..lattice.nodes[1] {
-            for column in 0..lattice.nodes[0] {
-                let [px, py] = map(lattice.rest(column, row));
-                x.push(px);
-                y.push(py);
+    /// `map` of every node's rest position, rows side by side; stops when `watch` says so.
+    pub fn mapped(
+        lattice: &Lattice,
+        watch: Watch,
+        map: impl Fn([f64; 2]) -> [f64; 2] + Sync,
+    ) -> Result<Self, Interrupted> {
+        let [columns, rows] = lattice.nodes;
+        let (mut x, mut y) = (vec![0.0; lattice.node_count()], vec![0.0; lattice.node_count()]);
+        let steps = Steps::new(watch, rows);
+        x.par_chunks_mut(columns).zip(y.par_chunks_mut(columns)).enumerate().try_for_each(|(row, (x, y))| {
+            for (column, (x, y)) in x.iter_mut().zip(y).enumerate() {
+                [*x, *y] = map(lattice.rest(column, row));
             }
-        }
-        Self { x, y }
+            steps.step()
+        })?;
+        Ok(Self { x, y })
+    }
+
+    /// `map` of every node's rest position.
+    pub fn from_map(lattice: &Lattice, map: impl Fn([f64; 2]) -> [f64; 2] + Sync) -> Self {
+        Self::mapped(lattice, UNWATCHED, map).unwrap_or_else(|Interrupted| unreachable!("nobody watches"))
     }
 }

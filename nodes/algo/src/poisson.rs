@@ -4,6 +4,7 @@
 //! normal equations are `L x = div phi`, L the weighted five-point Laplacian, with the frame's values eliminated. L
 //! depends on the conductances alone, so one factor serves any number of fluxes and frames.
 
+use crate::room::Room;
 use crate::{Interrupted, Watch};
 use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
 use faer::linalg::cholesky::llt::factor::LltRegularization;
@@ -21,6 +22,18 @@ const REFINE_ABOVE: f64 = 1e-12;
 
 /// A factor whose probe keeps a relative residual above this is refused.
 const PROBE_LIMIT: f64 = 1e-9;
+
+/// Bytes of the matrix per unknown.
+const MATRIX_BYTES: usize = 40;
+
+/// Bytes per unknown that ordering and symbolic factorization take.
+const SYMBOLIC_BYTES: usize = 160;
+
+/// Bytes that the library's products of dense blocks take beside the scratch it asks for.
+const BLOCK_BYTES: usize = 4 << 20;
+
+/// Bytes per unknown of the probe beside its solve: a field and fluxes.
+const PROBE_BYTES: usize = 24;
 
 /// Why a Laplacian was not factored or a system not solved.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -130,7 +143,8 @@ impl GridLaplacian {
     /// `P L P^T = G G^T` in f64 with an approximate minimum degree permutation P; then a probe: a constant on the
     /// frame and no flux must be solved for.
     ///
-    /// * `watch`: called between the phases; a phase runs to its end.
+    /// * `watch`: called between the phases; a phase runs to its end. Asked for all memory, for the factor's once its
+    ///   entries are counted.
     ///
     /// With fewer than 3 nodes on a side there is nothing to solve for and nothing is factored. Conductances that
     /// are not finite and positive give `NotPositiveDefinite` or `Inaccurate`. One thread, so the bits do not depend
@@ -143,7 +157,7 @@ impl GridLaplacian {
     }
 
     /// The matrix over the nodes off the frame, row-major.
-    fn lower_triangle(&self) -> Result<SparseColMat<u32, f64>, Error> {
+    fn lower_triangle(&self, watch: Watch) -> Result<SparseColMat<u32, f64>, Error> {
         let n = self.unknowns();
         if n > i32::MAX as usize / 3 {
             return Err(Error::TooLarge);
@@ -159,6 +173,7 @@ impl GridLaplacian {
         };
         starts.push(0);
         for row in 1..rows - 1 {
+            watch.go_on()?;
             for column in 1..columns - 1 {
                 let unknown = starts.len() - 1;
                 let (right, below) = (row * (columns - 1) + column, row * columns + column);
@@ -213,6 +228,9 @@ impl Factor {
         let nodes = self.laplacian.nodes;
         assert_eq!(fluxes.len(), frames.len(), "fluxes and frames");
         fluxes.iter().for_each(|flux| flux.assert_shape(nodes));
+        if let Some(cholesky) = &self.cholesky {
+            watch.reserve(solve_bytes(&cholesky.symbolic, nodes, frames.len()))?;
+        }
         let mut fields: Vec<Vec<f64>> = frames.iter().map(|frame| with_clear_interior(frame, nodes)).collect();
         let (Some(cholesky), false) = (&self.cholesky, fields.is_empty()) else {
             return Ok(Solution { fields, residual: 0.0 });
@@ -222,7 +240,7 @@ impl Factor {
         let right_hand_sides = largest(&remainders, n);
         let mut residual = f64::INFINITY;
         for part in [0.1, 0.6] {
-            watch(part)?;
+            watch.progress(part)?;
             cholesky.solve(&mut remainders, n)?;
             for (field, step) in fields.iter_mut().zip(remainders.chunks(n)) {
                 add_to_interior(field, step, nodes);
@@ -244,29 +262,36 @@ impl Factor {
     /// Bytes held, approximately: conductances, permutations, indices and values of the factor.
     pub fn bytes(&self) -> usize {
         let Edges { horizontal, vertical } = &self.laplacian.conductances;
-        let factor = self.cholesky.as_ref().map_or(0, Cholesky::bytes);
+        let factor = self.cholesky.as_ref().map_or(0, |cholesky| held_bytes(&cholesky.symbolic));
         factor + (horizontal.len() + vertical.len()) * size_of::<f64>()
     }
 
     fn probe(&self, watch: Watch) -> Result<(), Error> {
         let nodes = self.laplacian.nodes;
         let constant = vec![1.0; nodes[0] * nodes[1]];
-        let Solution { residual, .. } = self.solve(&[Edges::zeros(nodes)], &[&constant], &|_| watch(0.9))?;
+        let Solution { residual, .. } = self.solve(&[Edges::zeros(nodes)], &[&constant], &|_| watch.progress(0.9))?;
         if residual <= PROBE_LIMIT { Ok(()) } else { Err(Error::Inaccurate { residual }) }
     }
 }
 
 impl Cholesky {
     fn new(laplacian: &GridLaplacian, watch: Watch) -> Result<Self, Error> {
-        watch(0.0)?;
-        let matrix = laplacian.lower_triangle()?;
+        watch.progress(0.0)?;
+        let (n, mut room) = (laplacian.unknowns(), Room::new(watch));
+        room.phase(n.saturating_mul(MATRIX_BYTES + SYMBOLIC_BYTES))?;
+        let matrix = laplacian.lower_triangle(watch)?;
+        watch.progress(0.05)?;
         let parameters = CholeskySymbolicParams::default();
         let symbolic = factorize_symbolic_cholesky(matrix.symbolic(), Side::Lower, SymmetricOrdering::Amd, parameters)?;
-        watch(0.2)?;
+        watch.progress(0.2)?;
+        let request = symbolic.factorize_numeric_llt_scratch::<f64>(Par::Seq, Spec::default());
+        let held = held_bytes(&symbolic);
+        room.phase(held + n * MATRIX_BYTES + request.unaligned_bytes_required() + BLOCK_BYTES)?;
+        room.phase(held + solve_bytes(&symbolic, laplacian.nodes, 1) + n * PROBE_BYTES)?;
         let mut values = Vec::new();
         values.try_reserve_exact(symbolic.len_val()).map_err(|_| Error::OutOfMemory)?;
         values.resize(symbolic.len_val(), 0.0);
-        let mut scratch = scratch(symbolic.factorize_numeric_llt_scratch::<f64>(Par::Seq, Spec::default()))?;
+        let mut scratch = scratch(request)?;
         symbolic
             .factorize_numeric_llt(
                 &mut values,
@@ -293,15 +318,22 @@ impl Cholesky {
         );
         Ok(())
     }
+}
 
-    fn bytes(&self) -> usize {
-        let permutations = 2 * self.symbolic.nrows();
-        let indices = match self.symbolic.raw() {
-            SymbolicCholeskyRaw::Simplicial(factor) => factor.row_idx().len() + factor.col_ptr().len(),
-            SymbolicCholeskyRaw::Supernodal(factor) => factor.row_idx().len() + 5 * factor.n_supernodes(),
-        };
-        self.values.len() * size_of::<f64>() + (permutations + indices) * size_of::<u32>()
-    }
+/// Bytes that a factor holds: permutations, indices and values.
+fn held_bytes(symbolic: &SymbolicCholesky<u32>) -> usize {
+    let permutations = 2 * symbolic.nrows();
+    let indices = match symbolic.raw() {
+        SymbolicCholeskyRaw::Simplicial(factor) => factor.row_idx().len() + factor.col_ptr().len(),
+        SymbolicCholeskyRaw::Supernodal(factor) => factor.row_idx().len() + 5 * factor.n_supernodes(),
+    };
+    symbolic.len_val() * size_of::<f64>() + (permutations + indices) * size_of::<u32>()
+}
+
+/// Bytes that a solve for `count` right-hand sides takes: fields, remainders before and after a step, scratch.
+fn solve_bytes(symbolic: &SymbolicCholesky<u32>, nodes: [usize; 2], count: usize) -> usize {
+    let scratch = symbolic.solve_in_place_scratch::<f64>(count, Par::Seq).unaligned_bytes_required();
+    3 * count * nodes[0] * nodes[1] * size_of::<f64>() + scratch
 }
 
 fn scratch(request: StackReq) -> Result<MemBuffer, Error> {

@@ -20,6 +20,6 @@ impl<'a> Steps<'a> {
     /// One more part is done.
     pub(crate) fn step(&self) -> Result<(), Interrupted> {
         let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
-        (self.watch)(done as f64 / self.total as f64)
+        self.watch.progress(done as f64 / self.total as f64)
     }
 }

@@ -17,9 +17,10 @@ fn rgba(cx: &Context, size: [u32; 2], draw: impl Fn(usize, ViewMut<f32>)) -> Res
     let (width, height) = (size[0] as usize, size[1] as usize);
     let planes = cx.planes(4, width, height)?.into_iter().zip(["R", "G", "B", "A"]).enumerate();
     let drawn = planes.map(|(index, (mut plane, name))| {
+        cx.progress(index as f64 / 4.0)?;
         draw(index, crate::adapt::view_mut(&mut plane));
-        Channel { name: name.into(), sample_type: SampleType::Float, plane: Plane::F32(plane.freeze()) }
+        Ok(Channel { name: name.into(), sample_type: SampleType::Float, plane: Plane::F32(plane.freeze()) })
     });
-    let channels = drawn.collect();
+    let channels = drawn.collect::<Result<_, NodeError>>()?;
     Ok(Image::new(Rect::at(0, 0, width, height), channels))
 }

@@ -9,7 +9,7 @@ use warploom_algo::feature;
 use warploom_core::node::{Context, In, Node, NodeError, Output, Outputs};
 use warploom_core::value::{Factor, Grid, Hasher, Kind, Labels};
 
-use crate::adapt::{lattice, view, watch};
+use crate::adapt::{AtWork, lattice, view, watched};
 
 /// Prepares the solver that keeps features in shape: the expensive part, which no change of the warp touches.
 ///
@@ -32,9 +32,6 @@ pub struct FeatureFactor {
     pub radius: f64,
 }
 
-/// The largest share of a factor's memory seen per unknown, bytes (1000 x 1000 nodes take 506 MB).
-const BYTES_PER_UNKNOWN: u128 = 800;
-
 impl Node for FeatureFactor {
     const VERSION: u32 = 1;
     const OUTPUTS: &'static [Output] = &[Output::new("factor", Kind::Factor)];
@@ -46,19 +43,21 @@ impl Node for FeatureFactor {
             let error = NodeError::refused("the lattice is periodic; the solver pins its border to the warp");
             return Err(error.at("grid").hint("use a Lattice with periodic: None"));
         }
-        cx.reserve(grid.node_count() as u128 * BYTES_PER_UNKNOWN)?;
+        cx.reserve(grid.node_count() as u128 * size_of::<u32>() as u128)?;
         let lattice = lattice(&grid);
         let start = Instant::now();
         let data = labels.raster.windows.data;
-        let cells = feature::feature_cells(&lattice, view(&labels.raster.samples), data.x0.into(), data.y0.into());
+        let (samples, x0, y0) = (view(&labels.raster.samples), data.x0.into(), data.y0.into());
+        let cells = watched(cx, |watch| feature::feature_cells(&lattice, samples, x0, y0, watch))?;
         let mut structure = Hasher::new("feature factor");
         structure.digest(&grid.digest()).numbers(&[self.weight, self.radius]);
         cells.labels.iter().for_each(|&label| {
             structure.int(label.into());
         });
-        let system = feature::setup(&lattice, &cells, self.weight, self.radius);
+        let system = watched(cx, |watch| feature::setup(&lattice, &cells, self.weight, self.radius, watch))?;
         let setup = start.elapsed();
-        let factor = feature::factor(system, &watch(cx)).map_err(super::refusal)?;
+        let at_work = AtWork::new(cx);
+        let factor = feature::factor(system, &at_work).map_err(|error| super::refusal(error, at_work))?;
         let factored = start.elapsed();
 
         let unknowns = factor.unknowns();

@@ -8,7 +8,7 @@ use warploom_algo::feature;
 use warploom_core::node::{Context, In, Node, NodeError, Output, Outputs};
 use warploom_core::value::{Direction, Factor, Kind, Warp};
 
-use crate::adapt::{positions, watch};
+use crate::adapt::{AtWork, positions};
 
 /// Makes a warp keep features in shape while the rest of the picture follows it (Gal, Sorkine, Cohen-Or 2006).
 ///
@@ -34,8 +34,8 @@ pub enum Mode {
     Rigid,
 }
 
-/// Positions, fluxes, right-hand sides and residuals, bytes per lattice node.
-const BYTES_PER_NODE: u128 = 200;
+/// Bytes per lattice node beside the warp's positions and the solve: fluxes, the result, and what is held still.
+const BYTES_PER_NODE: u128 = 56;
 
 impl Node for FeatureWarp {
     const VERSION: u32 = 1;
@@ -61,10 +61,11 @@ impl Node for FeatureWarp {
         };
         cx.reserve(warp.grid.node_count() as u128 * BYTES_PER_NODE)?;
         let start = Instant::now();
-        let input = positions(&warp);
-        let rhs = feature::rhs(solver, &input, mode).map_err(super::refusal)?;
-        let prepared = start.elapsed();
-        let solved = feature::solve(solver, &rhs, &watch(cx)).map_err(super::refusal)?;
+        let input = positions(cx, &warp)?;
+        let at_work = AtWork::new(cx);
+        let prepared = feature::rhs(solver, &input, mode, &at_work).map(|rhs| (rhs, start.elapsed()));
+        let solved = prepared.and_then(|(rhs, prepared)| Ok((feature::solve(solver, &rhs, &at_work)?, prepared)));
+        let (solved, prepared) = solved.map_err(|error| super::refusal(error, at_work))?;
         let seconds = start.elapsed();
         let components: Vec<_> = (solved.features.iter())
             .map(|fit| {
@@ -80,7 +81,7 @@ impl Node for FeatureWarp {
                 row
             })
             .collect();
-        Ok(crate::warp::certified(&warp.grid, solved.positions)
+        Ok(crate::warp::certified(cx, &warp.grid, solved.positions)?
             .stat("unknowns", solver.unknowns())
             .stat("residual", solved.residual)
             .stat("seconds_rhs", prepared.as_secs_f64())

@@ -36,6 +36,9 @@ pub enum Periodic {
     Both,
 }
 
+/// Nodes of the largest lattice: what is made of them is numbered in 32 bits.
+const MAX_NODES: u128 = 1 << 32;
+
 impl Node for Lattice {
     const VERSION: u32 = 1;
     const OUTPUTS: &'static [Output] = &[Output::new("grid", Kind::Grid)];
@@ -49,7 +52,11 @@ impl Node for Lattice {
         }
         let size = [display.width(), display.height()].map(|side| side as f64 + 2.0 * self.overscan);
         let cells = size.map(|side| (side / self.cell + 0.5).floor().max(1.0));
-        cx.reserve(cells.iter().map(|count| *count as u128 + 1).product::<u128>() * 16)?;
+        let [columns, rows] = cells.map(|count| count as u128 + 1);
+        if columns * rows > MAX_NODES {
+            let message = format!("the lattice would have {columns} x {rows} nodes, more than 2^32");
+            return Err(NodeError::refused(message).at("cell").hint("use larger cells"));
+        }
         let grid = Grid {
             origin: [f64::from(display.x0) - self.overscan, f64::from(display.y0) - self.overscan],
             spacing: [size[0] / cells[0], size[1] / cells[1]],

@@ -5,6 +5,8 @@ use warploom_algo::composite;
 use warploom_core::node::{Context, In, Node, NodeError, Output, Outputs};
 use warploom_core::value::{Image, Layer};
 
+use super::Planes;
+
 /// How far two pictures differ: the absolute difference of each channel.
 ///
 /// Format and metadata are the first one's, and so are channels of identities; of each, the first layer is compared.
@@ -27,7 +29,7 @@ impl Node for Difference {
         let (first, second) = (a.primary(), b.primary());
         let data = first.data.union(&second.data);
         let channels = super::combined(
-            cx,
+            &Planes { cx, reserved: false },
             &[first, second],
             &data,
             |_| true,

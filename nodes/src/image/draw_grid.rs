@@ -6,7 +6,8 @@ use warploom_algo::draw;
 use warploom_core::node::{Context, In, Node, NodeError, Output, Outputs};
 use warploom_core::value::{Image, Layer, Warp};
 
-use crate::adapt::{positions, stopped, view, view_mut, watch};
+use super::Planes;
+use crate::adapt::{positions, view, view_mut, watched};
 
 /// Draws a warp's lattice over a picture: lines between the positions of neighbouring nodes.
 #[derive(Serialize, Deserialize, JsonSchema, SmartDefault)]
@@ -39,9 +40,10 @@ impl Node for DrawGrid {
         let data = layer.data.union(&image.display);
         let (x0, y0) = (data.x0.into(), data.y0.into());
         let mut coverage = cx.plane(data.width(), data.height())?;
-        let (lines, every) = (positions(&warp), self.every as usize);
-        draw::lattice_lines(&lines, warp.grid.nodes, every, self.width, x0, y0, view_mut(&mut coverage), &watch(cx))
-            .map_err(stopped)?;
+        let (lines, every) = (positions(cx, &warp)?, self.every as usize);
+        let out = view_mut(&mut coverage);
+        watched(cx, |watch| draw::lattice_lines(&lines, warp.grid.nodes, every, self.width, x0, y0, out, watch))?;
+        drop(lines);
         let coverage = coverage.freeze();
         let tinted = |factor: f64| -> Result<_, NodeError> {
             let mut plane = cx.plane(data.width(), data.height())?;
@@ -60,7 +62,7 @@ impl Node for DrawGrid {
         let paint = |name: &str| paints.iter().find(|(painted, _)| *painted == name).map(|(_, plane)| plane);
         let placed = |plane| Placement::Samples(Placed { view: view(plane), x0, y0 });
         let channels = super::combined(
-            cx,
+            &Planes { cx, reserved: false },
             &[layer],
             &data,
             |name| paint(name).is_some(),

@@ -13,7 +13,7 @@ pub use resample::Resample;
 use warploom_algo::composite::{self, Placed, Plane as Placement};
 use warploom_algo::view::ViewMut;
 use warploom_core::node::{Context, NodeError, Output};
-use warploom_core::value::{Buffer, Channel, Kind, Layer, Plane, Rect, Sample};
+use warploom_core::value::{Buffer, BufferMut, Channel, Kind, Layer, Plane, Rect, Sample};
 
 use crate::adapt::{view, view_mut};
 
@@ -42,10 +42,27 @@ fn alpha(layer: &Layer) -> Placement<'_> {
     }
 }
 
+/// Where planes come from.
+struct Planes<'a> {
+    cx: &'a Context<'a>,
+    /// Whether their memory was asked for beforehand.
+    reserved: bool,
+}
+
+impl Planes<'_> {
+    fn make<T: Sample>(&self, window: &Rect) -> Result<BufferMut<T>, NodeError> {
+        let (width, height) = (window.width(), window.height());
+        match self.reserved {
+            true => self.cx.go_on().map(|()| BufferMut::zeroed(width, height)),
+            false => self.cx.plane(width, height),
+        }
+    }
+}
+
 /// The channels that the layers have, in the order in which they come up, in `window`. Those of numbers that it
 /// `touches` are drawn by `draw`; others, and identities, which are never mixed, are the first layer's that has them.
 fn combined(
-    cx: &Context,
+    planes: &Planes,
     layers: &[&Layer],
     window: &Rect,
     touches: impl Fn(&str) -> bool,
@@ -58,10 +75,10 @@ fn combined(
                 continue;
             }
             let plane = match &channel.plane {
-                Plane::U32(plane) => Plane::U32(moved(cx, plane, &layer.data, window)?),
-                Plane::F32(plane) if !touches(&channel.name) => Plane::F32(moved(cx, plane, &layer.data, window)?),
+                Plane::U32(plane) => Plane::U32(moved(planes, plane, &layer.data, window)?),
+                Plane::F32(plane) if !touches(&channel.name) => Plane::F32(moved(planes, plane, &layer.data, window)?),
                 Plane::F32(_) => {
-                    let mut plane = cx.plane(window.width(), window.height())?;
+                    let mut plane = planes.make(window)?;
                     draw(&channel.name, view_mut(&mut plane));
                     Plane::F32(plane.freeze())
                 }
@@ -73,11 +90,11 @@ fn combined(
 }
 
 /// Samples in another window: shared if it is the same, else copied, with zeros where there are none.
-fn moved<T: Sample>(cx: &Context, plane: &Buffer<T>, from: &Rect, to: &Rect) -> Result<Buffer<T>, NodeError> {
+fn moved<T: Sample>(planes: &Planes, plane: &Buffer<T>, from: &Rect, to: &Rect) -> Result<Buffer<T>, NodeError> {
     if from == to {
         return Ok(plane.clone());
     }
-    let mut copy = cx.plane(to.width(), to.height())?;
+    let mut copy = planes.make(to)?;
     let source = Placed { view: view(plane), x0: from.x0.into(), y0: from.y0.into() };
     composite::copy(source, to.x0.into(), to.y0.into(), view_mut(&mut copy));
     Ok(copy.freeze())

@@ -1,9 +1,13 @@
+use std::collections::BTreeSet;
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use smart_default::SmartDefault;
 use warploom_algo::composite;
 use warploom_core::node::{Context, In, Node, NodeError, Output, Outputs};
-use warploom_core::value::{Image, Layer};
+use warploom_core::value::{BufferMut, Image, Layer, Rect};
+
+use super::Planes;
 
 /// Lays pictures over each other, premultiplied; the first is in front.
 ///
@@ -22,20 +26,27 @@ impl Node for Over {
 
     fn compute(&self, cx: &Context) -> Result<Outputs, NodeError> {
         let images = cx.get_all(&self.images);
-        let mut behind = (*images[images.len() - 1]).clone();
-        for front in images[..images.len() - 1].iter().rev() {
-            behind = over(cx, front, behind)?;
+        let (last, fronts) = images.split_last().ok_or_else(|| NodeError::refused("there are no pictures"))?;
+        let window = images.iter().fold(Rect::default(), |window, image| window.union(&image.primary().data));
+        let channels = images.iter().flat_map(|image| &image.primary().channels).map(|channel| &channel.name);
+        // Of all that is laid over each other two pictures are there at a time: what lies behind, and the next.
+        let planes = channels.collect::<BTreeSet<_>>().len() * fronts.len().min(2);
+        cx.reserve(planes as u128 * BufferMut::<f32>::bytes_for(window.width(), window.height()))?;
+        let mut behind = (**last).clone();
+        for (number, front) in fronts.iter().rev().enumerate() {
+            cx.progress(number as f64 / fronts.len() as f64)?;
+            behind = over(&Planes { cx, reserved: true }, front, behind)?;
         }
         Ok(behind.into())
     }
 }
 
-fn over(cx: &Context, front: &Image, behind: Image) -> Result<Image, NodeError> {
+fn over(planes: &Planes, front: &Image, behind: Image) -> Result<Image, NodeError> {
     let (f, b) = (front.primary(), behind.primary());
     let data = f.data.union(&b.data);
     let (x0, y0) = (data.x0.into(), data.y0.into());
     let channels = super::combined(
-        cx,
+        planes,
         &[b, f],
         &data,
         |_| true,

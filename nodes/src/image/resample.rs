@@ -11,7 +11,7 @@ use warploom_core::value::{
     Windows,
 };
 
-use crate::adapt::{lattice, positions, stopped, view, view_mut, watch};
+use crate::adapt::{lattice, positions, view, view_mut, watched};
 
 /// Draws a picture, mask, field or label map through a warp.
 ///
@@ -62,6 +62,9 @@ pub enum Edge {
     Wrap,
 }
 
+/// Bytes per label while the labels of a map are counted and described anew.
+const BYTES_PER_LABEL: u128 = 160;
+
 /// Farthest pixel from the origin that a warped picture may reach.
 const FAR: i64 = 1 << 24;
 
@@ -79,7 +82,7 @@ impl Node for Resample {
             cx,
             direction: warp.direction,
             lattice: lattice(&warp.grid),
-            positions: positions(&warp),
+            positions: positions(cx, &warp)?,
         };
         Ok(match source {
             Value::Image(image) => drawing.image(&image)?.into(),
@@ -131,7 +134,10 @@ impl Drawing<'_> {
         let display = self.node.size.map_or(display, |[w, h]| Rect::at(display.x0, display.y0, w as usize, h as usize));
         // Without the filter's reach: the identity keeps the window.
         let limit = Window { x0: -FAR, y0: -FAR, x1: FAR, y1: FAR };
-        let bounds = resample::bounds(&self.map(), window(&windows.data), Kernel::Nearest, limit).map(rect);
+        let bounds = watched(self.cx, |watch| {
+            resample::bounds(&self.map(), window(&windows.data), Kernel::Nearest, limit, watch)
+        })?;
+        let bounds = bounds.map(rect);
         // What lies out of reach may be empty and yet millions of rows high.
         let nothing = Rect::at(display.x0, display.y0, 0, 0);
         let bounds = bounds.map(|bounds| if bounds.is_empty() { nothing } else { bounds });
@@ -155,18 +161,18 @@ impl Drawing<'_> {
         };
         let mut out = self.cx.planes(planes.len(), to.width(), to.height())?;
         let (views, outs) = (planes.iter().map(|plane| view(plane)).collect::<Vec<_>>(), views_mut(&mut out));
-        let watch = watch(self.cx);
-        resample::draw(&self.map(), window(from), window(to), filter, self.border(), &views, outs, &watch)
-            .map_err(stopped)?;
+        watched(self.cx, |watch| {
+            resample::draw(&self.map(), window(from), window(to), filter, self.border(), &views, outs, watch)
+        })?;
         Ok(out)
     }
 
     fn draw_labels(&self, from: &Rect, to: &Rect, planes: &[&Buffer<u32>]) -> Result<Vec<BufferMut<u32>>, NodeError> {
         let mut out = self.cx.planes(planes.len(), to.width(), to.height())?;
         let (views, outs) = (planes.iter().map(|plane| view(plane)).collect::<Vec<_>>(), views_mut(&mut out));
-        let watch = watch(self.cx);
-        resample::draw_labels(&self.map(), window(from), window(to), self.border(), &views, outs, &watch)
-            .map_err(stopped)?;
+        watched(self.cx, |watch| {
+            resample::draw_labels(&self.map(), window(from), window(to), self.border(), &views, outs, watch)
+        })?;
         Ok(out)
     }
 
@@ -190,7 +196,9 @@ impl Drawing<'_> {
         let windows = self.windows(&labels.raster.windows)?;
         let drawn = self.draw_labels(&labels.raster.windows.data, &windows.data, &[&labels.raster.samples])?;
         let samples = drawn.into_iter().next().expect("one plane gives one").freeze();
-        let found = components::tabulate(view(&samples), windows.data.x0.into(), windows.data.y0.into());
+        self.cx.reserve(labels.table.len() as u128 * BYTES_PER_LABEL)?;
+        let (x0, y0) = (windows.data.x0.into(), windows.data.y0.into());
+        let found = watched(self.cx, |watch| components::tabulate(view(&samples), x0, y0, watch))?;
         let table = found.iter().map(|(label, component)| crate::mask::component_row(*label, component)).collect();
         Ok(Labels { raster: Raster { windows, samples }, table })
     }

@@ -4,7 +4,7 @@ use smart_default::SmartDefault;
 use warploom_core::node::{Context, Node, NodeError, Output, Outputs, ReadPath};
 use warploom_core::value::Kind;
 
-use super::codec::{self, Encoding};
+use super::codec::{self, AtWork, Encoding};
 
 /// Reads a picture: EXR, PNG, JPEG, TIFF or Radiance HDR, by the content of the file.
 ///
@@ -27,8 +27,7 @@ impl Node for Load {
 
     fn compute(&self, cx: &Context) -> Result<Outputs, NodeError> {
         let bytes = cx.read(&self.path)?;
-        let reserve = |bytes| cx.go_on().and_then(|()| cx.reserve(bytes));
-        let image = codec::decode(&bytes, self.encoding, &reserve).map_err(|error| {
+        let image = codec::decode(&bytes, self.encoding, &AtWork(cx)).map_err(|error| {
             let message = format!("{}: {}", self.path.path().display(), error.message);
             NodeError { message, ..error }.at("path")
         })?;

@@ -4,7 +4,7 @@ use smart_default::SmartDefault;
 use warploom_core::node::{Context, In, Node, NodeError, Output, Outputs, WritePath};
 use warploom_core::value::Image;
 
-use super::codec::{self, Compression, Depth, Encoding, WriteOptions};
+use super::codec::{self, AtWork, Compression, Depth, Encoding, WriteOptions};
 
 /// Writes a picture in the format that the extension names: exr, png, jpg, jpeg, tif, tiff, hdr.
 ///
@@ -44,8 +44,7 @@ impl Node for Save {
         let options = WriteOptions { encoding, depth, compression, quality };
         let extension = self.path.path().extension().unwrap_or_default().to_string_lossy();
         let image = cx.get(&self.image);
-        let reserve = |bytes| cx.go_on().and_then(|()| cx.reserve(bytes));
-        let bytes = codec::encode_image(&image, &extension, &options, &reserve)?;
+        let bytes = codec::encode_image(&image, &extension, &options, &AtWork(cx))?;
         cx.write(&self.path, &bytes)?;
         Ok(Outputs::default())
     }

@@ -5,7 +5,7 @@ use warploom_algo::components::{self, Connectivity as Neighbours};
 use warploom_core::node::{Context, In, Node, NodeError, Output, Outputs};
 use warploom_core::value::{Component, Kind, Labels, Mask, Raster, Rect, Value};
 
-use crate::adapt::{stopped, view, view_mut, watch};
+use crate::adapt::{view, view_mut, watched};
 
 /// Numbers the connected parts of a mask (where it covers more than half), in the order of their first pixels.
 #[derive(Serialize, Deserialize, JsonSchema, SmartDefault)]
@@ -48,8 +48,7 @@ impl Node for Components {
         let mut plane = cx.plane(width, height)?;
         let (x0, y0) = (windows.data.x0.into(), windows.data.y0.into());
         let (samples, out) = (view(&mask.0.samples), view_mut(&mut plane));
-        let found =
-            components::label(samples, connectivity, self.min_area, x0, y0, out, &watch(cx)).map_err(stopped)?;
+        let found = watched(cx, |watch| components::label(samples, connectivity, self.min_area, x0, y0, out, watch))?;
         let table: Vec<Component> = (found.iter().zip(1..)).map(|(component, label)| row(label, component)).collect();
         let count = table.len();
         let labels = Labels { raster: Raster { windows, samples: plane.freeze() }, table };

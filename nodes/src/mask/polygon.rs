@@ -4,7 +4,7 @@ use smart_default::SmartDefault;
 use warploom_algo::mask;
 use warploom_core::node::{Context, Domain, In, Node, NodeError, Output, Outputs};
 
-use crate::adapt::{stopped, view_mut, watch};
+use crate::adapt::{view_mut, watched};
 
 /// The loose selection that a person draws: a closed polygon, with even-odd inside and a soft outline.
 ///
@@ -31,7 +31,7 @@ impl Node for Polygon {
         windows.data = windows.display;
         let (x0, y0) = (windows.data.x0.into(), windows.data.y0.into());
         let mask = super::drawn(cx, windows, |out| {
-            mask::polygon(&self.points, self.feather, x0, y0, view_mut(out), &watch(cx)).map_err(stopped)
+            watched(cx, |watch| mask::polygon(&self.points, self.feather, x0, y0, view_mut(out), watch))
         })?;
         Ok(mask.into())
     }

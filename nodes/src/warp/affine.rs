@@ -33,14 +33,15 @@ impl Node for Affine {
 
     fn compute(&self, cx: &Context) -> Result<Outputs, NodeError> {
         let grid = cx.get(&self.grid);
-        let lattice = super::lattice(cx, &grid)?;
-        let parameters = warp::Affine {
-            translate: self.translate,
-            rotate_deg: self.rotate,
-            scale: self.scale,
-            shear: self.shear,
-            center: self.center.unwrap_or(lattice.center()),
-        };
-        Ok(super::certified(&grid, warp::affine(&lattice, &parameters)))
+        super::warped(cx, &grid, |lattice, watch| {
+            let parameters = warp::Affine {
+                translate: self.translate,
+                rotate_deg: self.rotate,
+                scale: self.scale,
+                shear: self.shear,
+                center: self.center.unwrap_or(lattice.center()),
+            };
+            warp::affine(lattice, &parameters, watch)
+        })
     }
 }

@@ -23,6 +23,6 @@ impl Node for Arc {
 
     fn compute(&self, cx: &Context) -> Result<Outputs, NodeError> {
         let grid = cx.get(&self.grid);
-        Ok(super::certified(&grid, warp::arc(&super::lattice(cx, &grid)?, self.angle)))
+        super::warped(cx, &grid, |lattice, watch| warp::arc(lattice, self.angle, watch))
     }
 }

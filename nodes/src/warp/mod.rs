@@ -14,8 +14,11 @@ pub use wave::Wave;
 
 use warploom_algo::lattice::{Lattice, Positions};
 use warploom_algo::warp::certify;
+use warploom_algo::{Interrupted, Watch};
 use warploom_core::node::{Context, NodeError, Output, Outputs};
 use warploom_core::value::{Direction, Grid, Kind, Warp};
+
+use crate::adapt::watched;
 
 const WARP: &[Output] = &[Output::new("warp", Kind::Warp)];
 
@@ -25,12 +28,23 @@ fn lattice(cx: &Context, grid: &Grid) -> Result<Lattice, NodeError> {
     Ok(crate::adapt::lattice(grid))
 }
 
+/// The warp that `map` makes of a lattice.
+fn warped(
+    cx: &Context,
+    grid: &Grid,
+    map: impl FnOnce(&Lattice, Watch) -> Result<Positions, Interrupted>,
+) -> Result<Outputs, NodeError> {
+    let lattice = lattice(cx, grid)?;
+    let positions = watched(cx, |watch| map(&lattice, watch))?;
+    certified(cx, grid, positions)
+}
+
 /// A forward warp with its certificate in the stats.
-pub(crate) fn certified(grid: &Grid, positions: Positions) -> Outputs {
-    let certificate = certify(&crate::adapt::lattice(grid), &positions);
+pub(crate) fn certified(cx: &Context, grid: &Grid, positions: Positions) -> Result<Outputs, NodeError> {
+    let certificate = watched(cx, |watch| certify(&crate::adapt::lattice(grid), &positions, watch))?;
     let warp = Warp { grid: *grid, direction: Direction::DstFromSrc, x: positions.x.into(), y: positions.y.into() };
-    Outputs::from(warp)
+    Ok(Outputs::from(warp)
         .stat("min_jacobian", certificate.min_jacobian)
         .stat("min_jacobian_cell", certificate.at_cell.to_vec())
-        .stat("folds", certificate.folds)
+        .stat("folds", certificate.folds))
 }

@@ -30,8 +30,9 @@ impl Node for Stretch {
 
     fn compute(&self, cx: &Context) -> Result<Outputs, NodeError> {
         let grid = cx.get(&self.grid);
-        let lattice = super::lattice(cx, &grid)?;
-        let center = self.center.unwrap_or(lattice.center());
-        Ok(super::certified(&grid, warp::stretch(&lattice, [self.x, self.y], center)))
+        super::warped(cx, &grid, |lattice, watch| {
+            let center = self.center.unwrap_or(lattice.center());
+            warp::stretch(lattice, [self.x, self.y], center, watch)
+        })
     }
 }

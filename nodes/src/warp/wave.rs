@@ -33,8 +33,8 @@ impl Node for Wave {
 
     fn compute(&self, cx: &Context) -> Result<Outputs, NodeError> {
         let grid = cx.get(&self.grid);
-        let positions =
-            warp::wave(&super::lattice(cx, &grid)?, self.amplitude, self.wavelength, self.phase, self.direction);
-        Ok(super::certified(&grid, positions))
+        super::warped(cx, &grid, |lattice, watch| {
+            warp::wave(lattice, self.amplitude, self.wavelength, self.phase, self.direction, watch)
+        })
     }
 }

@@ -36,11 +36,19 @@ impl Band {
             above = row;
         }
         band.parts = unions.into_sets();
-        band.extents.reserve(band.parts.iter().max().map_or(0, |&last| last as usize + 1));
+        band.extents.reserve_exact(band.parts.iter().max().map_or(0, |&last| last as usize + 1));
         for (row, y) in rows.enumerate() {
             band.measure(row, y);
         }
+        band.ends.shrink_to_fit();
+        band.parts.shrink_to_fit();
         band
+    }
+
+    /// Bytes it holds.
+    pub(super) fn bytes(&self) -> usize {
+        let words = self.ends.capacity() + self.parts.capacity();
+        words * size_of::<u32>() + self.extents.capacity() * size_of::<Extent>()
     }
 
     /// Some of the runs.

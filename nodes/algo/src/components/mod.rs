@@ -16,6 +16,9 @@ use unions::Unions;
 /// Rows that one task labels.
 const BAND_ROWS: usize = 32;
 
+/// Bytes per column that a thread takes while it scans a band.
+const SCAN_BYTES: usize = 384;
+
 /// Which neighbours of a pixel it is connected to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Connectivity {
@@ -69,15 +72,17 @@ pub fn label(
     };
     let count = height.div_ceil(BAND_ROWS);
     let steps = Steps::new(watch, 2 * count);
+    watch.reserve(rayon::current_num_threads() * width * SCAN_BYTES)?;
     let scan = |index: usize| {
         let top = index * BAND_ROWS;
         let band = Band::scan(mask, top..height.min(top + BAND_ROWS), reach);
+        watch.reserve(band.bytes())?;
         steps.step().map(|()| band)
     };
     let mut bands = (0..count).into_par_iter().map(scan).collect::<Result<Vec<_>, _>>()?;
 
-    let wholes = join(&bands, reach);
-    let mut homes = gather(&mut bands, &wholes);
+    let wholes = join(&bands, reach, watch)?;
+    let mut homes = gather(&mut bands, &wholes, watch)?;
     let labels = number(&bands, &mut homes, min_area);
     out.bands(BAND_ROWS).into_par_iter().zip(&bands).zip(&wholes).try_for_each(|(((_, view), band), wholes)| {
         let labels: Vec<u32> = wholes.iter().map(|&whole| labels[whole as usize]).collect();
@@ -92,10 +97,11 @@ pub fn label(
 /// `labels`: any plane of labels; pixels of one label are one component, connected or not; `x0`, `y0`: the top left pixel
 /// of the view, to which bounds and centroids refer.
 ///
-/// Cost: linear in the pixels, one after the other.
-pub fn tabulate(labels: View<u32>, x0: i64, y0: i64) -> Vec<(u32, Component)> {
+/// Cost: linear in the pixels, one after the other. Stops when `watch` says so.
+pub fn tabulate(labels: View<u32>, x0: i64, y0: i64, watch: Watch) -> Result<Vec<(u32, Component)>, Interrupted> {
     let mut extents: std::collections::BTreeMap<u32, Extent> = std::collections::BTreeMap::new();
     for (y, row) in labels.rows().enumerate() {
+        watch.go_on()?;
         let mut start = 0;
         for run in row.chunk_by(|a, b| a == b) {
             let end = start + run.len();
@@ -106,7 +112,7 @@ pub fn tabulate(labels: View<u32>, x0: i64, y0: i64) -> Vec<(u32, Component)> {
             start = end;
         }
     }
-    extents.into_iter().map(|(label, extent)| (label, extent.component(x0, y0))).collect()
+    Ok(extents.into_iter().map(|(label, extent)| (label, extent.component(x0, y0))).collect())
 }
 
 /// Where the extent of a component is gathered: at the first of its parts.
@@ -117,10 +123,13 @@ struct Home {
 
 /// Joins the parts of components across the borders of bands: for each part of each band the number of its component,
 /// counted from 0 in raster order.
-fn join(bands: &[Band], reach: u32) -> Vec<Vec<u32>> {
+fn join(bands: &[Band], reach: u32, watch: Watch) -> Result<Vec<Vec<u32>>, Interrupted> {
+    let parts: usize = bands.iter().map(|band| band.extents.len()).sum();
+    watch.reserve(2 * parts * size_of::<u32>())?;
     let (mut unions, mut pairs, mut offset) = (Unions::default(), Vec::new(), 0);
-    unions.extend(bands.iter().map(|band| band.extents.len() as u32).sum());
+    unions.extend(parts as u32);
     for pair in bands.windows(2) {
+        watch.go_on()?;
         let (above, below) = (pair[0].last_row(), pair[1].first_row());
         let next = offset + pair[0].extents.len() as u32;
         for &[a, b] in touching(pair[0].runs(above.clone()), pair[1].runs(below.clone()), reach, &mut pairs) {
@@ -130,13 +139,17 @@ fn join(bands: &[Band], reach: u32) -> Vec<Vec<u32>> {
         offset = next;
     }
     let mut wholes = unions.into_sets().into_iter();
-    bands.iter().map(|band| wholes.by_ref().take(band.extents.len()).collect()).collect()
+    Ok(bands.iter().map(|band| wholes.by_ref().take(band.extents.len()).collect()).collect())
 }
 
 /// Gathers the extents of all parts of each component; the home of each component.
-fn gather(bands: &mut [Band], wholes: &[Vec<u32>]) -> Vec<Home> {
-    let mut homes: Vec<Home> = Vec::new();
+fn gather(bands: &mut [Band], wholes: &[Vec<u32>], watch: Watch) -> Result<Vec<Home>, Interrupted> {
+    let count = wholes.iter().flatten().max().map_or(0, |&last| last as usize + 1);
+    // With the labels of the components and what describes them in the end.
+    watch.reserve(count * (size_of::<Home>() + size_of::<u32>() + size_of::<Component>()))?;
+    let mut homes: Vec<Home> = Vec::with_capacity(count);
     for band in 0..bands.len() {
+        watch.go_on()?;
         for (part, &whole) in wholes[band].iter().enumerate() {
             match homes.get(whole as usize) {
                 Some(home) => {
@@ -147,7 +160,7 @@ fn gather(bands: &mut [Band], wholes: &[Vec<u32>]) -> Vec<Home> {
             }
         }
     }
-    homes
+    Ok(homes)
 }
 
 /// Drops the components smaller than `min_area`; the label of each component, 0 if dropped.

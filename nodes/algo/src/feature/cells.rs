@@ -2,6 +2,7 @@
 
 use crate::lattice::Lattice;
 use crate::view::View;
+use crate::{Interrupted, Watch};
 use rayon::prelude::*;
 
 /// The label of every cell of a lattice; 0 is the background.
@@ -27,10 +28,16 @@ pub struct FeatureCells {
 ///
 /// Pixels on or beyond the lattice's right and lower border are outside, like those left of and above it: they are
 /// counted if labelled, and ignored. Cells without a pixel are background. O(pixels + cells), rows of cells side by
-/// side.
+/// side. Stops when `watch` says so.
 ///
 /// Gal, Sorkine and Cohen-Or 2006, Section 2 ("at least one node in F"), for masks that are not sampled at nodes.
-pub fn feature_cells(lattice: &Lattice, labels: View<u32>, x0: i64, y0: i64) -> FeatureCells {
+pub fn feature_cells(
+    lattice: &Lattice,
+    labels: View<u32>,
+    x0: i64,
+    y0: i64,
+    watch: Watch,
+) -> Result<FeatureCells, Interrupted> {
     let [columns, rows] = lattice.nodes;
     let left = first_pixels((0..columns).map(|column| lattice.rest(column, 0)[0]), x0, labels.width());
     let top = first_pixels((0..rows).map(|row| lattice.rest(0, row)[1]), y0, labels.height());
@@ -38,18 +45,22 @@ pub fn feature_cells(lattice: &Lattice, labels: View<u32>, x0: i64, y0: i64) -> 
     let mixed = cells
         .par_chunks_mut(columns - 1)
         .enumerate()
-        .map(|(row, cells)| label_row(cells, (top[row]..top[row + 1]).map(|y| labels.row(y)), &left))
-        .sum();
+        .map(|(row, cells)| {
+            watch.go_on()?;
+            Ok(label_row(cells, (top[row]..top[row + 1]).map(|y| labels.row(y)), &left))
+        })
+        .sum::<Result<_, _>>()?;
     let count = |pixels: &[u32]| pixels.iter().filter(|&&label| label != 0).count();
     let outside = (0..labels.height())
         .into_par_iter()
         .map(|y| {
+            watch.go_on()?;
             let row = labels.row(y);
             let beside = (top[0]..top[rows - 1]).contains(&y);
-            if beside { count(&row[..left[0]]) + count(&row[left[columns - 1]..]) } else { count(row) }
+            Ok(if beside { count(&row[..left[0]]) + count(&row[left[columns - 1]..]) } else { count(row) })
         })
-        .sum();
-    FeatureCells { labels: cells, mixed, outside }
+        .sum::<Result<_, _>>()?;
+    Ok(FeatureCells { labels: cells, mixed, outside })
 }
 
 /// For every grid line the first of `count` pixels from `first` on whose centre is not before it; `count` if none.
@@ -82,6 +93,11 @@ fn label_row<'a>(cells: &mut [u32], pixel_rows: impl Iterator<Item = &'a [u32]>,
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::UNWATCHED;
+
+    fn feature_cells(lattice: &Lattice, labels: View<u32>, x0: i64, y0: i64) -> FeatureCells {
+        super::feature_cells(lattice, labels, x0, y0, UNWATCHED).expect("nobody stops it")
+    }
 
     const LATTICE: Lattice = Lattice { origin: [0.0, 0.0], spacing: [2.0, 2.0], nodes: [3, 3] };
 

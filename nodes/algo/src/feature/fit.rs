@@ -3,6 +3,7 @@
 use super::Component;
 use super::local::{difference, modulus};
 use crate::lattice::{Lattice, Positions};
+use crate::{Interrupted, Watch};
 use faer::c64;
 
 /// A component's best similarity, and how far its nodes are from it.
@@ -25,7 +26,13 @@ pub struct FeatureFit {
 ///
 /// With z and w about their means, `s = sum(w conj(z)) / sum |z|^2`, or `sum(w z) / sum |z|^2` when mirrored. Sums
 /// are taken about the component's first node, for accuracy far from the origin.
-pub(super) fn fit(lattice: &Lattice, component: &Component, positions: &Positions) -> FeatureFit {
+pub(super) fn fit(
+    lattice: &Lattice,
+    component: &Component,
+    positions: &Positions,
+    watch: Watch,
+) -> Result<FeatureFit, Interrupted> {
+    watch.go_on()?;
     let first = component.nodes[0];
     let count = component.nodes.len() as f64;
     let columns = lattice.nodes[0];
@@ -40,11 +47,13 @@ pub(super) fn fit(lattice: &Lattice, component: &Component, positions: &Position
         let (z, w) = pair(node);
         (z - z_sum / count, w - w_sum / count)
     };
+    watch.go_on()?;
     let (size, upright, mirror) = component
         .nodes
         .iter()
         .map(centred)
         .fold((0.0, zero, zero), |sums, (z, w)| (sums.0 + z.norm_sqr(), sums.1 + w * z.conj(), sums.2 + w * z));
+    watch.go_on()?;
     let mirrored = modulus(mirror) > modulus(upright);
     let s = if mirrored { mirror } else { upright } / size;
     let off = |node| {
@@ -52,11 +61,11 @@ pub(super) fn fit(lattice: &Lattice, component: &Component, positions: &Position
         modulus(s * if mirrored { z.conj() } else { z } - w)
     };
     let deviation = component.nodes.iter().map(off).fold(0.0, f64::max);
-    FeatureFit {
+    Ok(FeatureFit {
         label: component.label,
         deviation_cells: deviation * 2.0 / (lattice.spacing[0] + lattice.spacing[1]),
         scale: modulus(s),
         rotation_deg: libm::atan2(s.im, s.re).to_degrees(),
         mirrored,
-    }
+    })
 }

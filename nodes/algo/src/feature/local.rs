@@ -1,7 +1,8 @@
 //! What a warp does to one quad, and what its component makes of it.
 
-use super::Component;
+use super::{Component, RUN};
 use crate::lattice::{Lattice, Positions};
+use crate::{Interrupted, Watch};
 use faer::c64;
 
 /// A rotation is undefined where the part that holds it is not above this share of the linear map.
@@ -66,11 +67,20 @@ impl Frame {
     ///
     /// The scale is the mean of the smaller singular value over the component's quads, 0 on those that turn over.
     /// The component is mirrored where the mean determinant is negative.
-    pub(super) fn of(lattice: &Lattice, warp: &Positions, component: &Component, rigid: bool) -> Self {
+    pub(super) fn of(
+        lattice: &Lattice,
+        warp: &Positions,
+        component: &Component,
+        rigid: bool,
+        watch: Watch,
+    ) -> Result<Self, Interrupted> {
         let zero = c64::new(0.0, 0.0);
         let mut sum = Linear { a: zero, b: zero };
         let (mut upright, mut mirrored, mut determinant, mut norm) = (0.0, 0.0, 0.0, 0.0);
-        for &quad in &component.quads {
+        for (number, &quad) in component.quads.iter().enumerate() {
+            if number % RUN == 0 {
+                watch.go_on()?;
+            }
             let linear = Linear::of(lattice, warp, quad);
             let signed = modulus(linear.a) - modulus(linear.b);
             sum = Linear { a: sum.a + linear.a, b: sum.b + linear.b };
@@ -81,11 +91,11 @@ impl Frame {
         }
         let count = component.quads.len() as f64;
         let (mirrored, scale, main) = if determinant < 0.0 { (true, mirrored, sum.b) } else { (false, upright, sum.a) };
-        Self {
+        Ok(Self {
             mirrored,
             scale: if rigid { 1.0 } else { scale / count },
             rotation: direction(main, norm).unwrap_or(c64::new(1.0, 0.0)),
-        }
+        })
     }
 
     /// Where the horizontal and the vertical edges of a quad of `spacing` go.

@@ -20,9 +20,9 @@ mod tests;
 pub use cells::{FeatureCells, feature_cells};
 pub use fit::FeatureFit;
 
-use crate::Watch;
 use crate::lattice::{Lattice, Positions};
 use crate::poisson::{self, Edges, GridLaplacian};
+use crate::{Interrupted, Watch};
 use local::{Frame, Linear, difference, edges_of};
 use rayon::prelude::*;
 use weights::{NONE, Quads};
@@ -48,6 +48,12 @@ pub enum Error {
     },
     /// The system was not factored or not solved.
     Poisson(poisson::Error),
+}
+
+impl From<Interrupted> for Error {
+    fn from(error: Interrupted) -> Self {
+        Self::Poisson(error.into())
+    }
 }
 
 impl From<poisson::Error> for Error {
@@ -124,23 +130,35 @@ pub struct FeatureWarp {
 /// least squares averages what they ask for. Time O(cells * (1 + radius)).
 ///
 /// Section 2, Equations 3 to 5, and Section 2.1, Equations 6 and 7.
-pub fn setup(lattice: &Lattice, cells: &FeatureCells, weight: f64, radius: f64) -> System {
+pub fn setup(
+    lattice: &Lattice,
+    cells: &FeatureCells,
+    weight: f64,
+    radius: f64,
+    watch: Watch,
+) -> Result<System, Interrupted> {
     let [columns, rows] = lattice.cells();
     assert_eq!(cells.labels.len(), columns * rows, "labels of {columns} x {rows} cells");
     assert!(weight.is_finite() && weight > 0.0, "weight {weight}");
     assert!(radius.is_finite() && radius >= 0.0, "radius {radius}");
-    let (components, component_of) = components(lattice, &cells.labels);
-    let quads = weights::weigh(&component_of, columns, weight, radius);
+    watch.reserve(setup_bytes(cells))?;
+    let (components, component_of) = components(lattice, &cells.labels, watch)?;
+    let quads = weights::weigh(&component_of, columns, weight, radius, watch)?;
+    drop(component_of);
     let laplacian = (!components.is_empty()).then(|| {
         let mut conductances = Edges::zeros(lattice.nodes);
         for (quad, stiffness) in quads.stiffness.iter().enumerate() {
+            if quad % RUN == 0 {
+                watch.go_on()?;
+            }
             let (horizontal, vertical) = edges_of(quad, lattice.nodes[0]);
             horizontal.iter().for_each(|&(edge, ..)| conductances.horizontal[edge] += stiffness);
             vertical.iter().for_each(|&(edge, ..)| conductances.vertical[edge] += stiffness);
         }
-        GridLaplacian::new(lattice.nodes, conductances)
+        Ok(GridLaplacian::new(lattice.nodes, conductances))
     });
-    System { features: Features { lattice: *lattice, components, quads }, laplacian }
+    let laplacian = laplacian.transpose()?;
+    Ok(System { features: Features { lattice: *lattice, components, quads }, laplacian })
 }
 
 /// Factors a system.
@@ -172,10 +190,11 @@ impl FeatureFactor {
     ///
     /// The best similarity is the complex least squares fit to the corners of the component's quads, the mirroring
     /// one where the component turned over. Use it on a warp itself to see what [`solve`] gained. O(feature nodes).
-    pub fn fits(&self, positions: &Positions) -> Vec<FeatureFit> {
+    /// Stops when `watch` says so.
+    pub fn fits(&self, positions: &Positions, watch: Watch) -> Result<Vec<FeatureFit>, Interrupted> {
         let Features { lattice, components, .. } = &self.features;
         assert_one_per_node(positions, lattice);
-        components.par_iter().map(|component| fit::fit(lattice, component, positions)).collect()
+        components.par_iter().map(|component| fit::fit(lattice, component, positions, watch)).collect()
     }
 }
 
@@ -194,16 +213,19 @@ impl FeatureFactor {
 /// may take its scale to 0. O(cells); fails on a warp that is not finite.
 ///
 /// Section 2, Equations 1 to 4, with R = a / |a| the proper rotation of the polar decomposition.
-pub fn rhs<'a>(factor: &FeatureFactor, warp: &'a Positions, mode: Mode) -> Result<Rhs<'a>, Error> {
+pub fn rhs<'a>(factor: &FeatureFactor, warp: &'a Positions, mode: Mode, watch: Watch) -> Result<Rhs<'a>, Error> {
     let Features { lattice, components, quads } = &factor.features;
     assert_one_per_node(warp, lattice);
     if let Some(node) = (0..warp.x.len()).find(|&node| !(warp.x[node].is_finite() && warp.y[node].is_finite())) {
         return Err(Error::NotFinite { column: node % lattice.nodes[0], row: node / lattice.nodes[0] });
     }
-    let frame = |component| Frame::of(lattice, warp, component, mode == Mode::Rigid);
-    let frames: Vec<Frame> = components.par_iter().map(frame).collect();
+    let frame = |component| Frame::of(lattice, warp, component, mode == Mode::Rigid, watch);
+    let frames: Vec<Frame> = components.par_iter().map(frame).collect::<Result<_, _>>()?;
     let [mut x, mut y] = [Edges::zeros(lattice.nodes), Edges::zeros(lattice.nodes)];
     for (quad, (&component, &stiffness)) in quads.component.iter().zip(&quads.stiffness).enumerate() {
+        if quad % RUN == 0 {
+            watch.go_on()?;
+        }
         if component == NONE {
             continue;
         }
@@ -246,7 +268,7 @@ pub fn solve(factor: &FeatureFactor, rhs: &Rhs, watch: Watch) -> Result<FeatureW
         }
         residual = solution.residual;
     }
-    let features = factor.fits(&positions);
+    let features = factor.fits(&positions, watch)?;
     Ok(FeatureWarp { positions, residual, features })
 }
 
@@ -255,29 +277,76 @@ fn assert_one_per_node(positions: &Positions, lattice: &Lattice) {
     assert!(positions.x.len() == count && positions.y.len() == count, "positions of {count} nodes");
 }
 
+/// Quads between two looks at the watch.
+const RUN: usize = 1 << 16;
+
+/// Bytes that [`setup`] holds at its peak beside the labels, some of which it gives: per quad conductances, stiffness
+/// and components, per quad of a feature itself and its corners, twice while these are sorted.
+fn setup_bytes(cells: &FeatureCells) -> usize {
+    let members = cells.labels.iter().filter(|&&label| label != 0).count();
+    cells.labels.len() * 28 + members * 48
+}
+
 /// The components in order of their labels, and the component of every cell.
-fn components(lattice: &Lattice, labels: &[u32]) -> (Vec<Component>, Vec<u32>) {
-    let mut present: Vec<u32> = labels.iter().copied().filter(|&label| label != 0).collect();
-    present.sort_unstable();
-    present.dedup();
+fn components(lattice: &Lattice, labels: &[u32], watch: Watch) -> Result<(Vec<Component>, Vec<u32>), Interrupted> {
+    let present = distinct(labels, watch)?;
     let index = |label: &u32| present.binary_search(label).map_or(NONE, |index| index as u32);
-    let component_of: Vec<u32> = labels.par_iter().map(index).collect();
-    let mut components: Vec<Component> =
-        present.iter().map(|&label| Component { label, quads: Vec::new(), nodes: Vec::new() }).collect();
+    let mut component_of = vec![NONE; labels.len()];
+    let runs = component_of.par_chunks_mut(RUN).zip(labels.par_chunks(RUN));
+    runs.try_for_each(|(components, labels)| {
+        components.iter_mut().zip(labels).for_each(|(component, label)| *component = index(label));
+        watch.go_on()
+    })?;
+    let mut sizes = vec![0; present.len()];
+    component_of.iter().filter(|&&component| component != NONE).for_each(|&component| sizes[component as usize] += 1);
+    let empty =
+        |(&label, &size): (&u32, &usize)| Component { label, quads: Vec::with_capacity(size), nodes: Vec::new() };
+    let mut components: Vec<Component> = present.iter().zip(&sizes).map(empty).collect();
     for (quad, &component) in component_of.iter().enumerate() {
+        if quad % RUN == 0 {
+            watch.go_on()?;
+        }
         if component != NONE {
             components[component as usize].quads.push(quad);
         }
     }
-    components.par_iter_mut().for_each(|component| component.nodes = corners(&component.quads, lattice.nodes[0]));
-    (components, component_of)
+    components.par_iter_mut().try_for_each(|component| {
+        component.nodes = corners(&component.quads, lattice.nodes[0]);
+        watch.go_on()
+    })?;
+    Ok((components, component_of))
+}
+
+/// The labels there are but 0, rising.
+fn distinct(labels: &[u32], watch: Watch) -> Result<Vec<u32>, Interrupted> {
+    let of_run = |labels: &[u32]| {
+        let mut present = labels.to_vec();
+        present.sort_unstable();
+        present.dedup();
+        watch.go_on().map(|()| present)
+    };
+    let runs = labels.par_chunks(RUN).map(of_run).collect::<Result<Vec<_>, _>>()?;
+    let mut present = runs.concat();
+    present.sort_unstable();
+    present.dedup();
+    present.retain(|&label| label != 0);
+    Ok(present)
 }
 
 /// The corners of quads given in order, in order, each once.
 fn corners(quads: &[usize], columns: usize) -> Vec<usize> {
-    let mut nodes: Vec<usize> =
-        quads.iter().flat_map(|&quad| edges_of(quad, columns).0).flat_map(|(_, from, to)| [from, to]).collect();
-    nodes.sort_unstable();
+    let mut nodes: Vec<usize> = Vec::with_capacity(4 * quads.len());
+    nodes.extend(quads.iter().flat_map(|&quad| {
+        let (_, from, to) = edges_of(quad, columns).0[0];
+        [from, to]
+    }));
+    nodes.extend(quads.iter().flat_map(|&quad| {
+        let (_, from, to) = edges_of(quad, columns).0[1];
+        [from, to]
+    }));
+    // Two runs that rise: merged, not sorted.
+    nodes.sort();
     nodes.dedup();
+    nodes.shrink_to_fit();
     nodes
 }

@@ -47,11 +47,11 @@ fn discs(lattice: &Lattice) -> FeatureCells {
 }
 
 fn factored(lattice: &Lattice, cells: &FeatureCells, weight: f64, radius: f64) -> FeatureFactor {
-    factor(setup(lattice, cells, weight, radius), UNWATCHED).expect("factored")
+    factor(setup(lattice, cells, weight, radius, UNWATCHED).expect("set up"), UNWATCHED).expect("factored")
 }
 
 fn solved(factor: &FeatureFactor, warp: &Positions, mode: Mode) -> FeatureWarp {
-    solve(factor, &rhs(factor, warp, mode).expect("finite"), UNWATCHED).expect("solved")
+    solve(factor, &rhs(factor, warp, mode, UNWATCHED).expect("finite"), UNWATCHED).expect("solved")
 }
 
 fn assert_close(a: &Positions, b: &Positions, tolerance: f64) {
@@ -301,7 +301,9 @@ fn a_quad_without_rotation_takes_the_mean_of_its_component() {
     let component = Component { label: 1, quads: vec![0, 1], nodes: Vec::new() };
     let mirrored = Linear::of(&lattice, &Positions::from_map(&lattice, |[x, y]| [x, -y]), 0);
     let edges = |map: fn([f64; 2]) -> [f64; 2]| {
-        Frame::of(&lattice, &Positions::from_map(&lattice, map), &component, true).edges(&mirrored, [1.0, 1.0])
+        Frame::of(&lattice, &Positions::from_map(&lattice, map), &component, true, UNWATCHED)
+            .expect("framed")
+            .edges(&mirrored, [1.0, 1.0])
     };
     let [i, one] = [c64::new(0.0, 1.0), c64::new(1.0, 0.0)];
     assert_eq!(edges(|[x, y]| [-y, x]), [i, -one]);
@@ -346,7 +348,7 @@ fn heavier_features_are_nearer_to_similarities() {
         let warp = Positions::from_map(&lattice, |[x, y]| [stretch * x, y]);
         let fits =
             |weight, radius| solved(&factored(&lattice, &cells, weight, radius), &warp, Mode::Similarity).features;
-        let itself = factored(&lattice, &cells, 1.0, 0.0).fits(&warp);
+        let itself = factored(&lattice, &cells, 1.0, 0.0).fits(&warp, UNWATCHED).expect("fitted");
         let (light, sharp, smooth) = (fits(1.0, 2.0), fits(10.0, 0.0), fits(10.0, 2.0));
         for k in 0..2 {
             let deviations = [&itself, &light, &sharp, &smooth].map(|fits| fits[k].deviation_cells);
@@ -395,18 +397,18 @@ fn a_warp_that_is_not_finite_names_its_first_node() {
     let mut warp = shaken(&SQUARE, 0.1, 1);
     warp.x[80] = f64::NAN;
     warp.y[2 * 9 + 5] = f64::INFINITY;
-    let error = rhs(&factor, &warp, Mode::Rigid).err();
+    let error = rhs(&factor, &warp, Mode::Rigid, UNWATCHED).err();
     assert_eq!(error, Some(Error::NotFinite { column: 5, row: 2 }));
 }
 
 #[test]
 fn watches_stop_it() {
     let stop = |_| Err(Interrupted);
-    let system = setup(&SQUARE, &two_blobs(&SQUARE), 10.0, 2.0);
+    let system = setup(&SQUARE, &two_blobs(&SQUARE), 10.0, 2.0, UNWATCHED).expect("set up");
     assert_eq!(factor(system, &stop).err(), Some(Error::Poisson(poisson::Error::Interrupted)));
     let factor = factored(&SQUARE, &two_blobs(&SQUARE), 10.0, 2.0);
     let warp = shaken(&SQUARE, 0.1, 1);
-    let rhs = rhs(&factor, &warp, Mode::Rigid).expect("finite");
+    let rhs = rhs(&factor, &warp, Mode::Rigid, UNWATCHED).expect("finite");
     assert_eq!(solve(&factor, &rhs, &stop).err(), Some(Error::Poisson(poisson::Error::Interrupted)));
 }
 
@@ -417,7 +419,7 @@ fn thread_counts_do_not_change_a_bit() {
         (0..160 * 170).map(|pixel| [0, 0, 3, 0, 2, 0, 0][(pixel % 160 / 20 + pixel / 3200) % 7]).collect();
     let warp = shaken(&lattice, 0.4, 77);
     let run = || {
-        let cells = feature_cells(&lattice, View::packed(&labels, 160, 170), 1, -1);
+        let cells = feature_cells(&lattice, View::packed(&labels, 160, 170), 1, -1, UNWATCHED).expect("labelled");
         let result = solved(&factored(&lattice, &cells, 10.0, 4.0), &warp, Mode::Similarity);
         (cells, result)
     };

@@ -1,5 +1,6 @@
 //! Weights of quads: high on features, falling to 1 over a few rings of quads around them.
 
+use crate::{Interrupted, Watch};
 use rayon::prelude::*;
 
 /// No component: the quad is background.
@@ -29,23 +30,37 @@ pub(super) struct Quads {
 /// comes first and the best of the rows second. O(cells * radius) at worst, O(cells) far from and on features.
 ///
 /// Gal, Sorkine and Cohen-Or 2006, Section 2.1, Equations 6 and 7.
-pub(super) fn weigh(feature: &[u32], columns: usize, weight: f64, radius: f64) -> Quads {
+pub(super) fn weigh(
+    feature: &[u32],
+    columns: usize,
+    weight: f64,
+    radius: f64,
+    watch: Watch,
+) -> Result<Quads, Interrupted> {
     let reach = ((radius + 0.5).ceil() - 1.0).max(0.0) as usize;
     let reach = reach.min(columns.max(feature.len() / columns));
     let mut in_row = vec![(0, NONE); feature.len()];
-    in_row.par_chunks_mut(columns).zip(feature.par_chunks(columns)).for_each(|(near, row)| nearest(near, row, reach));
-    let (component, stiffness) = (0..feature.len())
-        .into_par_iter()
-        .map(|quad| {
-            let (distance, component) = nearest_across(&in_row, columns, quad, reach);
-            if component == NONE || (distance != 0.0 && distance >= radius) {
-                return (NONE, 1.0);
-            }
-            let w = 1.0 + (weight - 1.0) * decay(distance, radius);
-            (component, w * w)
-        })
-        .unzip();
-    Quads { component, stiffness }
+    in_row.par_chunks_mut(columns).zip(feature.par_chunks(columns)).try_for_each(|(near, row)| {
+        nearest(near, row, reach);
+        watch.go_on()
+    })?;
+    let weighed = |quad: usize| {
+        let (distance, component) = nearest_across(&in_row, columns, quad, reach);
+        if component == NONE || (distance != 0.0 && distance >= radius) {
+            return (NONE, 1.0);
+        }
+        let w = 1.0 + (weight - 1.0) * decay(distance, radius);
+        (component, w * w)
+    };
+    let (mut component, mut stiffness) = (vec![NONE; feature.len()], vec![1.0; feature.len()]);
+    let rows = component.par_chunks_mut(columns).zip(stiffness.par_chunks_mut(columns)).enumerate();
+    rows.try_for_each(|(row, (component, stiffness))| {
+        for (column, (component, stiffness)) in component.iter_mut().zip(stiffness).enumerate() {
+            (*component, *stiffness) = weighed(row * columns + column);
+        }
+        watch.go_on()
+    })?;
+    Ok(Quads { component, stiffness })
 }
 
 /// The nearest feature cell in the same row within `reach` cells: its offset and component.
@@ -101,6 +116,11 @@ fn decay(distance: f64, radius: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::UNWATCHED;
+
+    fn weigh(feature: &[u32], columns: usize, weight: f64, radius: f64) -> Quads {
+        super::weigh(feature, columns, weight, radius, UNWATCHED).expect("nobody stops it")
+    }
 
     /// Distance and component of every quad by trying all features; ties to the lowest.
     fn slow(feature: &[u32], columns: usize, quad: usize) -> (f64, u32) {

@@ -6,6 +6,9 @@ use crate::steps::Steps;
 use crate::view::{View, ViewMut};
 use crate::{Interrupted, Watch};
 
+/// Chords between two looks at the watch.
+const CHORDS: usize = 64;
+
 /// Rows that one task computes.
 const BAND_ROWS: usize = 16;
 
@@ -53,7 +56,10 @@ fn spread(
         for row in 0..band.height() {
             let y = top + row;
             reached.fill(least);
-            for rows in disc.iter().rev() {
+            for (number, rows) in disc.iter().rev().enumerate() {
+                if number % CHORDS == 0 {
+                    watch.go_on()?;
+                }
                 widen(&reached, &mut wider[1..=width], sup);
                 std::mem::swap(&mut reached, &mut wider);
                 for &dy in rows {

@@ -46,6 +46,8 @@ pub fn polygon(
 ) -> Result<(), Interrupted> {
     assert!(x0.unsigned_abs().max(y0.unsigned_abs()) <= 1 << 40, "pixel ({x0}, {y0}) lies too far out");
     let feather = if feather > 0.0 { feather.min(FARTHEST) } else { 0.0 };
+    // The outline, and per thread what of it comes near a band, which grows by doubling, and near a row.
+    watch.reserve(points.len() * size_of::<Edge>() * (1 + 4 * rayon::current_num_threads()))?;
     let edges = outline(points);
     let bands = out.bands(BAND_ROWS);
     let steps = Steps::new(watch, bands.len());
@@ -54,6 +56,7 @@ pub fn polygon(
         let near = edges_near(&edges, top as f64, (top + band.height() as i64) as f64, feather / 2.0);
         let mut painter = Painter::new(x0, band.width());
         for y in 0..band.height() {
+            watch.go_on()?;
             let row_top = (top + y as i64) as f64;
             let edges = edges_near(&near, row_top, row_top + 1.0, feather / 2.0);
             if feather > 0.0 {

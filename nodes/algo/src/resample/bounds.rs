@@ -5,6 +5,7 @@ use super::net::{Net, Place};
 use super::spans::Point;
 use super::{Filter, Map};
 use crate::rect::Rect;
+use crate::{Interrupted, Watch};
 use rayon::prelude::*;
 
 /// The destination pixels that a picture drawn through a warp with [`Edge::Transparent`](super::Edge) can touch.
@@ -19,12 +20,18 @@ use rayon::prelude::*;
 /// A backward map has no closed form: `None`; callers use the display window. Positions that are not finite are
 /// left out; an empty source window gives an empty rectangle.
 ///
-/// Cost: linear in the nodes.
-pub fn bounds(map: &Map, source_window: Rect, filter: Filter, limit: Rect) -> Option<Rect> {
-    let Map::Forward { lattice, positions } = *map else { return None };
+/// Cost: linear in the nodes. Stops when `watch` says so.
+pub fn bounds(
+    map: &Map,
+    source_window: Rect,
+    filter: Filter,
+    limit: Rect,
+    watch: Watch,
+) -> Result<Option<Rect>, Interrupted> {
+    let Map::Forward { lattice, positions } = *map else { return Ok(None) };
     let net = Net::new(lattice, positions);
     if source_window.is_empty() {
-        return Some(Rect::new(limit.x0, limit.y0, limit.x0, limit.y0));
+        return Ok(Some(Rect::new(limit.x0, limit.y0, limit.x0, limit.y0)));
     }
     let clip = filter.clip(&source_window);
     let ends = [0, 1].map(|axis| [clip.low, clip.high].map(|end| net.place(axis, end[axis])));
@@ -33,10 +40,11 @@ pub fn bounds(map: &Map, source_window: Rect, filter: Filter, limit: Rect) -> Op
         let nodes = (0..lattice.nodes[axis]).filter(|&node| (clip.low[axis]..clip.high[axis]).contains(&rest(node)));
         nodes.map(Place::at_node).chain(ends[axis]).collect::<Vec<_>>()
     });
-    let hulls = rows
-        .par_iter()
-        .map(|&row| columns.iter().fold(Hull::EMPTY, |hull, &column| hull.with(net.position(column, row))));
-    let hull = hulls.reduce(|| Hull::EMPTY, Hull::and);
+    let hulls = rows.par_iter().map(|&row| {
+        watch.go_on()?;
+        Ok(columns.iter().fold(Hull::EMPTY, |hull, &column| hull.with(net.position(column, row))))
+    });
+    let hull = hulls.try_reduce(|| Hull::EMPTY, |a, b| Ok(a.and(b)))?;
     let hull = border_cells(ends).map(|cell| net.corners(cell)).fold(hull, |hull, corners| {
         if matches!(Shape::of(&corners), Shape::Folded { .. }) {
             corners.into_iter().fold(hull, Hull::with)
@@ -46,7 +54,7 @@ pub fn bounds(map: &Map, source_window: Rect, filter: Filter, limit: Rect) -> Op
     });
     // The first pixel whose centre is not before the coordinate; casts saturate.
     let [low, high] = [hull.low, hull.high].map(|corner| corner.map(|at| (at - 0.5).ceil() as i64));
-    Some(Rect::new(low[0], low[1], high[0], high[1]).intersect(&limit))
+    Ok(Some(Rect::new(low[0], low[1], high[0], high[1]).intersect(&limit)))
 }
 
 /// The lattice's cells [column, row] along the border of the rectangle between two places along each axis.

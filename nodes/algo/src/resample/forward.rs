@@ -4,7 +4,9 @@ use super::cell::{Corners, InverseAffine, InverseBilinear, Shape};
 use super::locate::{BAND_HEIGHT, Clip, Located};
 use super::net::{Axis, Net};
 use super::spans::{Centers, Point, Spans};
+use crate::bins::by_band;
 use crate::rect::Rect;
+use crate::{Interrupted, Watch};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -40,44 +42,44 @@ pub(super) struct Forward<'a> {
 }
 
 impl<'a> Forward<'a> {
-    pub fn new(net: Net<'a>, window: Rect, clip: Option<Clip>) -> Self {
+    pub fn new(net: Net<'a>, window: Rect, clip: Option<Clip>, watch: Watch) -> Result<Self, Interrupted> {
         let continued = continuation(&net, &window);
         let [columns, rows] = [0, 1].map(|axis| {
             let from = net.lattice.origin[axis];
             let to = from + net.lattice.size()[axis];
             Axis::new(&net, axis, clip.map_or([continued; 2], |clip| [from - clip.low[axis], clip.high[axis] - to]))
         });
-        let bands = vec![Vec::new(); window.height().div_ceil(BAND_HEIGHT)];
-        let mut forward =
-            Self { net, columns, rows, clip: clip.unwrap_or(Clip::NONE), window, strips: Vec::new(), bands };
-        forward.bin();
-        forward
+        let (clip, strips, bands) = (clip.unwrap_or(Clip::NONE), Vec::new(), Vec::new());
+        let mut forward = Self { net, columns, rows, clip, window, strips, bands };
+        forward.bin(watch)?;
+        Ok(forward)
     }
 
     /// Cuts the cells into strips, those of the continuation first so that it never hides the lattice, and lists
     /// them by band.
-    fn bin(&mut self) {
+    fn bin(&mut self, watch: Watch) -> Result<(), Interrupted> {
         let [columns, rows] = [0, 1].map(|axis| self.wanted(axis));
         let whole = 0..self.columns.cells();
         let own = self.columns.own();
-        let ring = rows.clone().into_par_iter().flat_map_iter(|row| {
+        // Row by row and then together.
+        let most = (columns.len() / STRIP + 4) * rows.len();
+        watch.reserve(2 * most * size_of::<Strip>())?;
+        let ring = rows.clone().into_par_iter().map(|row| {
             let parts = if self.rows.own().contains(&row) {
                 [whole.start..own.start, own.end..whole.end]
             } else {
                 [whole.clone(), whole.end..whole.end]
             };
-            parts.map(|part| self.strips_of(row, overlap(&part, &columns))).into_iter().flatten()
+            watch.go_on().map(|()| parts.map(|part| self.strips_of(row, overlap(&part, &columns))).concat())
         });
         let inner = overlap(&self.rows.own(), &rows)
             .into_par_iter()
-            .flat_map_iter(|row| self.strips_of(row, overlap(&own, &columns)));
-        self.strips = ring.chain(inner).collect();
-        for (index, strip) in self.strips.iter().enumerate() {
-            let [start, end] = strip.rows.map(|row| row as usize);
-            for band in start / BAND_HEIGHT..end.div_ceil(BAND_HEIGHT) {
-                self.bands[band].push(index as u32);
-            }
-        }
+            .map(|row| watch.go_on().map(|()| self.strips_of(row, overlap(&own, &columns))));
+        let strips = ring.chain(inner).collect::<Result<Vec<Vec<Strip>>, _>>()?.concat();
+        let touched = |strip: &Strip| strip.rows[0] as usize..strip.rows[1] as usize;
+        self.bands = by_band(&strips, touched, BAND_HEIGHT, self.window.height().div_ceil(BAND_HEIGHT), watch)?;
+        self.strips = strips;
+        Ok(())
     }
 
     /// The cells along an axis that the clip does not leave out.
@@ -128,7 +130,7 @@ impl<'a> Forward<'a> {
     }
 
     /// Locates a tile of band number `band`.
-    pub fn tile(&self, band: usize, tile: &Rect, out: &mut Located) {
+    pub fn tile(&self, band: usize, tile: &Rect, out: &mut Located, watch: Watch) -> Result<(), Interrupted> {
         let mut drawing = Drawing { spans: Spans::new(tile), columns: Centers::new(tile.x0, tile.x1), out };
         let [left, right] = [tile.x0, tile.x1].map(|x| (x - self.window.x0) as u32);
         let (mut upper, mut lower) = (Vec::new(), Vec::new());
@@ -137,6 +139,7 @@ impl<'a> Forward<'a> {
             if columns[0] >= right || columns[1] <= left {
                 continue;
             }
+            watch.go_on()?;
             let (row, first, end) = (row as usize, first as usize, end as usize);
             upper.clear();
             lower.clear();
@@ -146,6 +149,7 @@ impl<'a> Forward<'a> {
                 self.draw([cell, row], &[upper[0], upper[1], lower[1], lower[0]], &mut drawing);
             }
         }
+        Ok(())
     }
 
     fn draw(&self, cell: [usize; 2], corners: &Corners, drawing: &mut Drawing) {

@@ -4,6 +4,7 @@ use super::forward::Forward;
 use super::net::{Net, Place};
 use super::{Map, spans::Point};
 use crate::rect::Rect;
+use crate::{Interrupted, Watch};
 
 /// Pixel rows per band; bands are worked on side by side.
 pub(super) const BAND_HEIGHT: usize = 64;
@@ -20,13 +21,20 @@ pub(super) struct Located {
 
 impl Located {
     /// Locates a tile, part of band number `band`; without a locator nothing is drawn.
-    pub fn locate(&mut self, locator: Option<&Locator>, band: usize, tile: &Rect) {
+    pub fn locate(
+        &mut self,
+        locator: Option<&Locator>,
+        band: usize,
+        tile: &Rect,
+        watch: Watch,
+    ) -> Result<(), Interrupted> {
         self.clear(tile);
         match locator {
             None => {}
-            Some(Locator::Forward(forward)) => forward.tile(band, tile, self),
+            Some(Locator::Forward(forward)) => forward.tile(band, tile, self, watch)?,
             Some(Locator::Backward { net, clip }) => gather(net, clip, tile, self),
         }
+        Ok(())
     }
 
     pub fn height(&self) -> usize {
@@ -82,15 +90,15 @@ pub(super) enum Locator<'a> {
 
 impl<'a> Locator<'a> {
     /// `clip`: the source positions wanted; `None` for all that the map's continuation reaches.
-    pub fn new(map: &Map<'a>, window: Rect, clip: Option<Clip>) -> Self {
-        match *map {
+    pub fn new(map: &Map<'a>, window: Rect, clip: Option<Clip>, watch: Watch) -> Result<Self, Interrupted> {
+        Ok(match *map {
             Map::Forward { lattice, positions } => {
-                Self::Forward(Box::new(Forward::new(Net::new(lattice, positions), window, clip)))
+                Self::Forward(Box::new(Forward::new(Net::new(lattice, positions), window, clip, watch)?))
             }
             Map::Backward { lattice, positions } => {
                 Self::Backward { net: Net::new(lattice, positions), clip: clip.unwrap_or(Clip::NONE) }
             }
-        }
+        })
     }
 }
 

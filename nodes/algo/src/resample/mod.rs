@@ -125,6 +125,9 @@ fn assert_sources<T>(planes: &[View<T>], window: Rect, outputs: usize) {
     assert!(planes.iter().all(|plane| (plane.width(), plane.height()) == size), "planes are {size:?}");
 }
 
+/// Bytes that a thread takes for a tile: positions, and the part of the source that a block needs.
+const TILE_BYTES: usize = 1 << 20;
+
 /// Locates tile by tile, band beside band, and has `fill` write each tile.
 fn draw_bands<T: Send>(
     map: &Map,
@@ -140,9 +143,10 @@ fn draw_bands<T: Send>(
     if window.is_empty() || out.is_empty() {
         return Ok(0);
     }
-    watch(0.0)?;
+    watch.progress(0.0)?;
+    watch.reserve(rayon::current_num_threads() * TILE_BYTES)?;
     let clip = (source.edge == Edge::Transparent).then(|| filter.clip(&source.window));
-    let locator = (!source.window.is_empty()).then(|| Locator::new(map, window, clip));
+    let locator = (!source.window.is_empty()).then(|| Locator::new(map, window, clip, watch)).transpose()?;
     let bands = bands_of(out, window.height());
     let (count, done) = (bands.len(), AtomicUsize::new(0));
     let drawn = bands.into_par_iter().enumerate().map(|(index, mut planes)| {
@@ -153,10 +157,10 @@ fn draw_bands<T: Send>(
         for left in (0..window.width()).step_by(TILE_WIDTH) {
             let x0 = window.x0 + left as i64;
             let tile = Rect { x0, x1: window.x1.min(x0 + TILE_WIDTH as i64), ..band };
-            positions.locate(locator.as_ref(), index, &tile);
+            positions.locate(locator.as_ref(), index, &tile, watch)?;
             drawn += positions.x.iter().filter(|x| !x.is_nan()).count() as u64;
             fill(&positions, left, &mut planes);
-            watch(done.load(Ordering::Relaxed) as f64 / count as f64)?;
+            watch.progress(done.load(Ordering::Relaxed) as f64 / count as f64)?;
         }
         done.fetch_add(1, Ordering::Relaxed);
         Ok(drawn)

@@ -464,7 +464,9 @@ fn bounds_of_simple_maps() {
     let lattice = over(Rect::new(0, 0, 100, 70), [21, 13]);
     let shifted = |dx: f64| Positions::from_map(&lattice, |[x, y]| [x + dx, y]);
     let of = |positions: &Positions, filter, limit| {
-        bounds(&Map::Forward { lattice: &lattice, positions }, window, filter, limit).expect("forward")
+        bounds(&Map::Forward { lattice: &lattice, positions }, window, filter, limit, UNWATCHED)
+            .expect("nobody stops it")
+            .expect("forward")
     };
     assert_eq!(of(&shifted(0.0), Filter::Nearest, limit), window);
     assert_eq!(of(&shifted(0.0), Filter::Linear, limit), window);
@@ -476,7 +478,7 @@ fn bounds_of_simple_maps() {
     let broken = Positions { x: vec![f64::NAN; 308], y: vec![f64::NAN; 308] };
     assert!(of(&broken, Filter::Nearest, limit).is_empty());
     let backward = Map::Backward { lattice: &lattice, positions: &wild };
-    assert_eq!(bounds(&backward, window, Filter::Nearest, limit), None);
+    assert_eq!(bounds(&backward, window, Filter::Nearest, limit, UNWATCHED), Ok(None));
 }
 
 proptest! {
@@ -488,7 +490,7 @@ proptest! {
         let (source, dst) = (Rect::new(x0, y0, x0 + 25, y0 + 30), Rect::new(-40, -40, 90, 90));
         for filter in FILTERS {
             let (out, _) = drawn(&map, source, dst, filter, Edge::Transparent, &[vec![1.0; 25 * 30]]);
-            let hull = bounds(&map, source, filter, dst).expect("forward");
+            let hull = bounds(&map, source, filter, dst, UNWATCHED).expect("nobody stops it").expect("forward");
             for (i, _) in out[0].iter().enumerate().filter(|(_, value)| **value != 0.0) {
                 let (x, y) = (i as i64 % 130 - 40, i as i64 / 130 - 40);
                 prop_assert!(x >= hull.x0 && x < hull.x1 && y >= hull.y0 && y < hull.y1, "{x} {y} {hull:?}");

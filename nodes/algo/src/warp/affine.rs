@@ -2,6 +2,7 @@
 
 use super::sin_cos_deg;
 use crate::lattice::{Lattice, Positions};
+use crate::{Interrupted, Watch};
 
 /// Parameters of an affine map; the default is the identity.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -39,12 +40,12 @@ impl Default for Affine {
 /// Rotations by multiples of 90 degrees are exact. A singular product (a scale of 0, or `shear[0] * shear[1]` = 1)
 /// collapses the lattice onto a line or a point; [`super::certify`] reports it.
 ///
-/// Cost: linear in the nodes.
-pub fn affine(lattice: &Lattice, parameters: &Affine) -> Positions {
+/// Cost: linear in the nodes, rows side by side. Stops when `watch` says so.
+pub fn affine(lattice: &Lattice, parameters: &Affine, watch: Watch) -> Result<Positions, Interrupted> {
     let Affine { translate, rotate_deg, scale: [sx, sy], shear: [hx, hy], center } = *parameters;
     let (sin, cos) = sin_cos_deg(rotate_deg);
     let linear = [[(cos - sin * hy) * sx, (cos * hx - sin) * sy], [(sin + cos * hy) * sx, (sin * hx + cos) * sy]];
-    Positions::from_map(lattice, |[x, y]| {
+    Positions::mapped(lattice, watch, |[x, y]| {
         let [dx, dy] = [x - center[0], y - center[1]];
         [
             x + ((linear[0][0] - 1.0) * dx + linear[0][1] * dy + translate[0]),
@@ -63,9 +64,9 @@ pub fn affine(lattice: &Lattice, parameters: &Affine) -> Positions {
 ///
 /// A factor of 0 collapses the lattice onto a line; [`super::certify`] reports it.
 ///
-/// Cost: linear in the nodes.
-pub fn stretch(lattice: &Lattice, factor: [f64; 2], center: [f64; 2]) -> Positions {
-    affine(lattice, &Affine { scale: factor, center, ..Affine::default() })
+/// Cost: linear in the nodes, rows side by side. Stops when `watch` says so.
+pub fn stretch(lattice: &Lattice, factor: [f64; 2], center: [f64; 2], watch: Watch) -> Result<Positions, Interrupted> {
+    affine(lattice, &Affine { scale: factor, center, ..Affine::default() }, watch)
 }
 
 #[cfg(test)]
@@ -73,6 +74,15 @@ mod tests {
     use super::super::certify;
     use super::super::tests::{assert_identity, fractional_lattices};
     use super::*;
+    use crate::UNWATCHED;
+
+    fn stretch(lattice: &Lattice, factor: [f64; 2], center: [f64; 2]) -> Positions {
+        super::stretch(lattice, factor, center, UNWATCHED).expect("nobody stops it")
+    }
+
+    fn affine(lattice: &Lattice, parameters: &Affine) -> Positions {
+        super::affine(lattice, parameters, UNWATCHED).expect("nobody stops it")
+    }
 
     const UNIT: Lattice = Lattice { origin: [10.0, 20.0], spacing: [1.0, 1.0], nodes: [2, 2] };
 
@@ -119,7 +129,8 @@ mod tests {
         for lattice in fractional_lattices() {
             let parameters = Affine { rotate_deg: 71.0, scale: [1.5, 0.8], shear: [0.3, -0.6], ..Affine::default() };
             let expected = 1.5 * 0.8 * (1.0 + 0.3 * 0.6);
-            let found = certify(&lattice, &affine(&lattice, &parameters)).min_jacobian;
+            let found =
+                certify(&lattice, &affine(&lattice, &parameters), UNWATCHED).expect("nobody stops it").min_jacobian;
             assert!((found - expected).abs() < 1e-7, "{found} is not {expected}");
         }
     }

@@ -1,6 +1,7 @@
 //! Bending onto a circle.
 
 use crate::lattice::{Lattice, Positions};
+use crate::{Interrupted, Watch};
 
 /// Bends the lattice onto an arc of a circle, as type is set on an arc: the lower edge is the baseline.
 ///
@@ -21,13 +22,13 @@ use crate::lattice::{Lattice, Positions};
 /// The baseline keeps its length at every angle. Negative angles fold what lies higher than the radius,
 /// h > W / |th|; [`super::certify`] reports it.
 ///
-/// Cost: linear in the nodes.
-pub fn arc(lattice: &Lattice, angle_deg: f64) -> Positions {
+/// Cost: linear in the nodes, rows side by side. Stops when `watch` says so.
+pub fn arc(lattice: &Lattice, angle_deg: f64, watch: Watch) -> Result<Positions, Interrupted> {
     let [width, height] = lattice.size();
     let middle = lattice.center()[0];
     let baseline = lattice.origin[1] + height;
     let curvature = angle_deg.to_radians() / width;
-    Positions::from_map(lattice, |[x, y]| {
+    Positions::mapped(lattice, watch, |[x, y]| {
         let (along, up) = (x - middle, baseline - y);
         let t = along * curvature;
         let sin_half = libm::sin(0.5 * t);
@@ -49,6 +50,11 @@ fn sinc(t: f64) -> f64 {
 mod tests {
     use super::super::tests::{assert_identity, fractional_lattices};
     use super::*;
+    use crate::UNWATCHED;
+
+    fn arc(lattice: &Lattice, angle_deg: f64) -> Positions {
+        super::arc(lattice, angle_deg, UNWATCHED).expect("nobody stops it")
+    }
 
     const LATTICE: Lattice = Lattice { origin: [-3.7, 12.3], spacing: [2.5, 1.1], nodes: [41, 11] };
 

@@ -1,6 +1,7 @@
 //! The certificate that a warp does not fold.
 
 use crate::lattice::{Lattice, Positions};
+use crate::{Interrupted, Watch};
 use rayon::prelude::*;
 use robust::{Coord, orient2d};
 
@@ -29,11 +30,11 @@ pub struct Certificate {
 /// thin one. A cell with a position that is not finite, or with a cross product that overflows to NaN, is a fold with
 /// a determinant of negative infinity. `min_jacobian` is never NaN, and positive exactly when `folds` is 0.
 ///
-/// Cost: linear in the cells, rows side by side.
+/// Cost: linear in the cells, rows side by side. Stops when `watch` says so.
 ///
 /// J. R. Shewchuk, "Adaptive Precision Floating-Point Arithmetic and Fast Robust Geometric Predicates", Discrete &
 /// Computational Geometry 18, 1997 (the cross product).
-pub fn certify(lattice: &Lattice, positions: &Positions) -> Certificate {
+pub fn certify(lattice: &Lattice, positions: &Positions, watch: Watch) -> Result<Certificate, Interrupted> {
     let Positions { x, y } = positions;
     assert!(x.len() == lattice.node_count() && y.len() == x.len(), "{} positions do not fit {lattice:?}", x.len());
     let [columns, rows] = lattice.cells();
@@ -44,14 +45,15 @@ pub fn certify(lattice: &Lattice, positions: &Positions) -> Certificate {
     };
     let nothing = Certificate { min_jacobian: f64::INFINITY, at_cell: [0, 0], folds: 0 };
     let of_row = |row: usize| {
-        (0..columns).fold(nothing, |sum, column| {
+        let certificate = (0..columns).fold(nothing, |sum, column| {
             let corners = [(0, 0), (1, 0), (1, 1), (0, 1)].map(|(dc, dr)| node(column + dc, row + dr));
             let min_jacobian = least_cross_product(corners) / lattice.spacing[0] / lattice.spacing[1];
             worse(sum, Certificate { min_jacobian, at_cell: [column, row], folds: usize::from(min_jacobian <= 0.0) })
-        })
+        });
+        watch.go_on().map(|()| certificate)
     };
-    let by_row: Vec<Certificate> = (0..rows).into_par_iter().map(of_row).collect();
-    by_row.into_iter().fold(nothing, worse)
+    let by_row: Vec<Certificate> = (0..rows).into_par_iter().map(of_row).collect::<Result<_, _>>()?;
+    Ok(by_row.into_iter().fold(nothing, worse))
 }
 
 /// Both certificates as one; of equal minima the first stays.
@@ -74,7 +76,12 @@ fn least_cross_product(corners: [Coord<f64>; 4]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::UNWATCHED;
     use proptest::prelude::*;
+
+    fn certify(lattice: &Lattice, positions: &Positions) -> Certificate {
+        super::certify(lattice, positions, UNWATCHED).expect("nobody stops it")
+    }
 
     const UNIT: Lattice = Lattice { origin: [0.0, 0.0], spacing: [1.0, 1.0], nodes: [5, 5] };
 

@@ -1,6 +1,7 @@
 //! Rotation that fades with the distance from its centre.
 
 use crate::lattice::{Lattice, Positions};
+use crate::{Interrupted, Watch};
 
 /// Swirls the lattice about a centre.
 ///
@@ -17,11 +18,17 @@ use crate::lattice::{Lattice, Positions};
 /// The cells between the nodes are straight-edged: many turns on a coarse lattice fold;
 /// [`super::certify`] reports it.
 ///
-/// Cost: linear in the nodes.
-pub fn swirl(lattice: &Lattice, angle_deg: f64, radius: f64, center: [f64; 2]) -> Positions {
+/// Cost: linear in the nodes, rows side by side. Stops when `watch` says so.
+pub fn swirl(
+    lattice: &Lattice,
+    angle_deg: f64,
+    radius: f64,
+    center: [f64; 2],
+    watch: Watch,
+) -> Result<Positions, Interrupted> {
     assert!(radius > 0.0, "a swirl's radius of {radius} px is not positive");
     let angle = angle_deg.to_radians();
-    Positions::from_map(lattice, |[x, y]| {
+    Positions::mapped(lattice, watch, |[x, y]| {
         let [dx, dy] = [x - center[0], y - center[1]];
         let [ux, uy] = [dx / radius, dy / radius];
         let falloff = (1.0 - (ux * ux + uy * uy)).max(0.0);
@@ -37,6 +44,11 @@ mod tests {
     use super::super::certify;
     use super::super::tests::assert_identity;
     use super::*;
+    use crate::UNWATCHED;
+
+    fn swirl(lattice: &Lattice, angle_deg: f64, radius: f64, center: [f64; 2]) -> Positions {
+        super::swirl(lattice, angle_deg, radius, center, UNWATCHED).expect("nobody stops it")
+    }
 
     const LATTICE: Lattice = Lattice { origin: [-8.0, -8.0], spacing: [0.25, 0.25], nodes: [65, 65] };
 
@@ -85,7 +97,8 @@ mod tests {
 
     #[test]
     fn areas_are_kept() {
-        let certificate = certify(&LATTICE, &swirl(&LATTICE, 60.0, 7.0, [0.1, 0.2]));
+        let certificate =
+            certify(&LATTICE, &swirl(&LATTICE, 60.0, 7.0, [0.1, 0.2]), UNWATCHED).expect("nobody stops it");
         assert!((certificate.min_jacobian - 1.0).abs() < 0.1, "{certificate:?}");
         assert_eq!(certificate.folds, 0);
     }

@@ -2,6 +2,7 @@
 
 use super::sin_cos_deg;
 use crate::lattice::{Lattice, Positions};
+use crate::{Interrupted, Watch};
 
 /// Moves the lattice by a transverse sine wave.
 ///
@@ -20,11 +21,18 @@ use crate::lattice::{Lattice, Positions};
 ///
 /// Wavelengths below two spacings are sampled too coarsely and alias.
 ///
-/// Cost: linear in the nodes.
-pub fn wave(lattice: &Lattice, amplitude: f64, wavelength: f64, phase_deg: f64, direction_deg: f64) -> Positions {
+/// Cost: linear in the nodes, rows side by side. Stops when `watch` says so.
+pub fn wave(
+    lattice: &Lattice,
+    amplitude: f64,
+    wavelength: f64,
+    phase_deg: f64,
+    direction_deg: f64,
+    watch: Watch,
+) -> Result<Positions, Interrupted> {
     assert!(wavelength > 0.0, "a wavelength of {wavelength} px is not positive");
     let (sin, cos) = sin_cos_deg(direction_deg);
-    Positions::from_map(lattice, |[x, y]| {
+    Positions::mapped(lattice, watch, |[x, y]| {
         let turns = ((x - lattice.origin[0]) * cos + (y - lattice.origin[1]) * sin) / wavelength;
         let (height, _) = sin_cos_deg(360.0 * (turns % 1.0) + phase_deg);
         [x - amplitude * height * sin, y + amplitude * height * cos]
@@ -36,6 +44,11 @@ mod tests {
     use super::super::certify;
     use super::super::tests::assert_identity;
     use super::*;
+    use crate::UNWATCHED;
+
+    fn wave(lattice: &Lattice, amplitude: f64, wavelength: f64, phase_deg: f64, direction_deg: f64) -> Positions {
+        super::wave(lattice, amplitude, wavelength, phase_deg, direction_deg, UNWATCHED).expect("nobody stops it")
+    }
 
     const LATTICE: Lattice = Lattice { origin: [5.0, 7.0], spacing: [1.0, 2.0], nodes: [9, 3] };
 
@@ -85,7 +98,7 @@ mod tests {
     #[test]
     fn areas_are_kept() {
         let lattice = Lattice { origin: [0.0; 2], spacing: [0.1, 0.1], nodes: [60, 50] };
-        let certificate = certify(&lattice, &wave(&lattice, 1.0, 6.0, 10.0, 0.0));
+        let certificate = certify(&lattice, &wave(&lattice, 1.0, 6.0, 10.0, 0.0), UNWATCHED).expect("nobody stops it");
         assert!((certificate.min_jacobian - 1.0).abs() < 1e-9, "{certificate:?}");
     }
 }

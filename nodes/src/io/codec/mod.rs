@@ -5,22 +5,23 @@
 
 mod color;
 mod exr;
+mod host;
 mod pixels;
+mod png;
 mod raster;
 mod tiff;
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
+pub(crate) use host::AtWork;
+pub use host::Host;
+use host::Within;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use smart_default::SmartDefault;
 use warploom_core::node::{ErrorClass, NodeError};
 use warploom_core::value::{Channel, Image, Layer, Plane, SampleType, Value, Windows};
-
-/// Asked for so many bytes before they are allocated; an error refuses them. Long work asks for 0 bytes now and then,
-/// so that it can be stopped.
-pub type Reserve<'a> = &'a dyn Fn(u128) -> Result<(), NodeError>;
 
 /// How colour is stored in a file. Alpha is linear in every encoding.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -104,15 +105,17 @@ pub(crate) const MAX_SIDE: usize = 65_536;
 /// The picture in the bytes of a file, whose format its first bytes tell.
 ///
 /// The result is scene-linear and premultiplied, unless `encoding` is `Raw`. Messages name no path.
-pub fn decode(bytes: &[u8], encoding: Encoding, reserve: Reserve) -> Result<Image, NodeError> {
+pub fn decode(bytes: &[u8], encoding: Encoding, host: &dyn Host) -> Result<Image, NodeError> {
     let decoded = catch_unwind(AssertUnwindSafe(|| match bytes {
         [] => Err(unreadable("the file is empty")),
-        [0x76, 0x2f, 0x31, 0x01, ..] => exr::read(bytes, reserve).and_then(|i| color::decode(i, encoding, reserve)),
-        [0x89, b'P', b'N', b'G', ..] => raster::read_png(bytes, reserve)?.into_image(encoding, reserve),
-        [0xff, 0xd8, 0xff, ..] => raster::read_jpeg(bytes, reserve)?.into_image(encoding, reserve),
-        [b'#', b'?', ..] => raster::read_hdr(bytes, reserve)?.into_image(encoding, reserve),
+        [0x76, 0x2f, 0x31, 0x01, ..] => {
+            exr::read(bytes, &start(host)).and_then(|i| color::decode(i, encoding, &rest(host)))
+        }
+        [0x89, b'P', b'N', b'G', ..] => raster::read_png(bytes, &start(host))?.into_image(encoding, &rest(host)),
+        [0xff, 0xd8, 0xff, ..] => raster::read_jpeg(bytes, &start(host))?.into_image(encoding, &rest(host)),
+        [b'#', b'?', ..] => raster::read_hdr(bytes, &start(host))?.into_image(encoding, &rest(host)),
         [b'I', b'I', 42 | 43, 0, ..] | [b'M', b'M', 0, 42 | 43, ..] => {
-            tiff::read(bytes, reserve)?.into_image(encoding, reserve)
+            tiff::read(bytes, &start(host))?.into_image(encoding, &rest(host))
         }
         [_] | [_, _] | [_, _, _] => Err(unreadable("the file ends after less than 4 bytes")),
         _ => Err(unsupported("the file is of no format that can be read")
@@ -130,22 +133,22 @@ pub fn encode_image(
     image: &Image,
     extension: &str,
     options: &WriteOptions,
-    reserve: Reserve,
+    host: &dyn Host,
 ) -> Result<Vec<u8>, NodeError> {
     let extension = extension.to_lowercase();
-    reserve(0)?;
+    host.go_on()?;
     if extension == "exr" {
-        return exr::write(&color::encode(image, options.encoding, reserve)?, options, reserve);
+        return exr::write(&color::encode(image, options.encoding, &start(host))?, options, &rest(host));
     }
     if EXTENSIONS.contains(&&*extension) && options.compression != Compression::Auto {
         let message = format!("{:?} compression is of EXR; .{extension} has none to choose", options.compression);
         return Err(NodeError::refused(message).at("compression").hint("leave `compression` out"));
     }
     match &*extension {
-        "png" => raster::write_png(image, options, reserve),
-        "jpg" | "jpeg" => raster::write_jpeg(image, options, reserve),
-        "hdr" => raster::write_hdr(image, options, reserve),
-        "tif" | "tiff" => tiff::write(image, options, reserve),
+        "png" => raster::write_png(image, options, host),
+        "jpg" | "jpeg" => raster::write_jpeg(image, options, host),
+        "hdr" => raster::write_hdr(image, options, host),
+        "tif" | "tiff" => tiff::write(image, options, host),
         _ => {
             let known = EXTENSIONS.map(|extension| format!(".{extension}")).join(", ");
             let what = if extension.is_empty() { "a path without extension".into() } else { format!(".{extension}") };
@@ -169,6 +172,16 @@ pub fn as_image(value: &Value) -> Option<Image> {
     let channels = vec![Channel { name: name.into(), sample_type, plane }];
     let layers = vec![Layer { name: "".into(), data, channels, metadata: Arc::default() }];
     Some(Image { display, pixel_aspect, metadata: Arc::default(), layers })
+}
+
+/// The host of the first half of the work.
+fn start(host: &dyn Host) -> Within<'_> {
+    Within { host, from: 0.0, to: 0.5 }
+}
+
+/// The host of the second half.
+fn rest(host: &dyn Host) -> Within<'_> {
+    Within { host, from: 0.5, to: 1.0 }
 }
 
 fn unreadable(message: impl Into<String>) -> NodeError {

@@ -6,7 +6,11 @@ use warploom_core::node::NodeError;
 use warploom_core::value::{Buffer, Channel, Image, Layer, Plane, Rect, SampleType};
 
 use super::color::fill;
-use super::{Depth, Encoding, MAX_SIDE, Reserve, plane_bytes};
+use super::host::Host;
+use super::{Depth, Encoding, MAX_SIDE, plane_bytes};
+
+/// Rows between two looks at the host.
+const REPORT_ROWS: usize = 8;
 
 /// Interleaved samples, row by row.
 #[derive(Clone, Debug, PartialEq)]
@@ -50,25 +54,34 @@ impl Pixels {
         self.len() / (self.width * self.height)
     }
 
+    /// Bytes of a sample.
+    pub fn sample_bytes(&self) -> usize {
+        match self.samples {
+            Samples::U8(_) => 1,
+            Samples::U16(_) => 2,
+            Samples::F32(_) => 4,
+        }
+    }
+
     /// The picture, scene-linear and premultiplied unless `encoding` is `Raw`. Its channels are `R`, `G`, `B` or
     /// `Y`, then `A`.
-    pub fn into_image(self, encoding: Encoding, reserve: Reserve) -> Result<Image, NodeError> {
+    pub fn into_image(self, encoding: Encoding, host: &dyn Host) -> Result<Image, NodeError> {
         let count = self.samples_per_pixel();
         assert_eq!(count * self.width * self.height, self.len(), "{} x {} pixels", self.width, self.height);
-        reserve(count as u128 * plane_bytes(self.width, self.height))?;
+        host.reserve(count as u128 * plane_bytes(self.width, self.height))?;
         let planes = match &self.samples {
             Samples::U8(samples) => {
                 let (color, plain) = tables(u8::MAX.into(), encoding);
-                self.planes(samples, encoding, |c| color[usize::from(c)], |c| plain[usize::from(c)])
+                self.planes(samples, encoding, |c| color[usize::from(c)], |c| plain[usize::from(c)], host)?
             }
             Samples::U16(samples) => {
                 let (color, plain) = tables(u16::MAX, encoding);
-                self.planes(samples, encoding, |c| color[usize::from(c)], |c| plain[usize::from(c)])
+                self.planes(samples, encoding, |c| color[usize::from(c)], |c| plain[usize::from(c)], host)?
             }
             Samples::F32(samples) if encoding == Encoding::Srgb => {
-                self.planes(samples, encoding, transfer::srgb_to_linear, |v| v)
+                self.planes(samples, encoding, transfer::srgb_to_linear, |v| v, host)?
             }
-            Samples::F32(samples) => self.planes(samples, encoding, |v| v, |v| v),
+            Samples::F32(samples) => self.planes(samples, encoding, |v| v, |v| v, host)?,
         };
         let sample_type = match &self.samples {
             Samples::U8(_) => SampleType::U8,
@@ -88,16 +101,21 @@ impl Pixels {
         encoding: Encoding,
         color: impl Fn(T) -> f32 + Sync,
         plain: impl Fn(T) -> f32 + Sync,
-    ) -> Vec<Plane> {
+        host: &dyn Host,
+    ) -> Result<Vec<Plane>, NodeError> {
         let (width, height, count) = (self.width, self.height, self.samples_per_pixel());
         let row_of = |y: usize, c: usize| samples[y * width * count..][..width * count].iter().skip(c).step_by(count);
         let color_count = if self.alpha == Alpha::None { count } else { count - 1 };
-        let alpha: Option<Buffer<f32>> = (color_count < count).then(|| {
-            fill(width, height, |y, row| row.iter_mut().zip(row_of(y, color_count)).for_each(|(v, &s)| *v = plain(s)))
+        let alpha = (color_count < count).then(|| {
+            fill(width, height, host, |y, row| {
+                row.iter_mut().zip(row_of(y, color_count)).for_each(|(v, &s)| *v = plain(s));
+            })
         });
+        let alpha: Option<Buffer<f32>> = alpha.transpose()?;
         let stored_straight = self.alpha == Alpha::Straight;
         let planes = (0..color_count).map(|c| {
-            fill(width, height, |y, row| {
+            host.progress(c as f64 / count as f64)?;
+            fill(width, height, host, |y, row| {
                 let alpha = alpha.as_ref().filter(|_| encoding != Encoding::Raw).map(|alpha| alpha.row(y));
                 match alpha {
                     Some(alpha) if !stored_straight => {
@@ -116,7 +134,7 @@ impl Pixels {
                 }
             })
         });
-        planes.chain(alpha.clone()).map(Plane::F32).collect()
+        planes.chain(alpha.clone().map(Ok)).map(|plane| plane.map(Plane::F32)).collect()
     }
 
     fn is_encoded(&self, encoding: Encoding) -> bool {
@@ -130,7 +148,7 @@ impl Pixels {
         depth: Depth,
         encoding: Encoding,
         keep_alpha: bool,
-        reserve: Reserve,
+        host: &dyn Host,
     ) -> Result<Self, NodeError> {
         let (width, height) = (image.display.width(), image.display.height());
         if width == 0 || height == 0 || width > MAX_SIDE || height > MAX_SIDE {
@@ -145,15 +163,15 @@ impl Pixels {
             _ => 4,
         };
         let count = color.len() + usize::from(alpha.is_some());
-        reserve((width * height * count * sample_bytes) as u128)?;
+        host.reserve((width * height * count * sample_bytes) as u128)?;
         let source = Source { image, color, alpha, straight: encoding != Encoding::Raw };
         let encoded =
             encoding == Encoding::Srgb || encoding == Encoding::Auto && matches!(depth, Depth::U8 | Depth::U16);
         let samples = match depth {
-            Depth::U8 => Samples::U8(source.codes(u8::MAX.into(), encoded, |code| code as u8)),
-            Depth::U16 => Samples::U16(source.codes(u16::MAX, encoded, |code| code)),
-            _ if encoded => Samples::F32(source.interleave(transfer::linear_to_srgb, |v| v)),
-            _ => Samples::F32(source.interleave(|v| v, |v| v)),
+            Depth::U8 => Samples::U8(source.codes(u8::MAX.into(), encoded, |code| code as u8, host)?),
+            Depth::U16 => Samples::U16(source.codes(u16::MAX, encoded, |code| code, host)?),
+            _ if encoded => Samples::F32(source.interleave(transfer::linear_to_srgb, |v| v, host)?),
+            _ => Samples::F32(source.interleave(|v| v, |v| v, host)?),
         };
         let alpha = match (source.alpha, source.straight) {
             (None, _) => Alpha::None,
@@ -173,24 +191,34 @@ struct Source<'a> {
 }
 
 impl Source<'_> {
-    fn codes<T: Copy + Default + Send>(&self, max: u16, encoded: bool, narrow: fn(u16) -> T) -> Vec<T> {
+    fn codes<T: Copy + Default + Send>(
+        &self,
+        max: u16,
+        encoded: bool,
+        narrow: fn(u16) -> T,
+        host: &dyn Host,
+    ) -> Result<Vec<T>, NodeError> {
         let plain = |value| narrow(transfer::code(value, max));
         if !encoded {
-            return self.interleave(plain, plain);
+            return self.interleave(plain, plain, host);
         }
         let thresholds = transfer::srgb_thresholds(max);
-        self.interleave(|value| narrow(transfer::srgb_code(&thresholds, value)), plain)
+        self.interleave(|value| narrow(transfer::srgb_code(&thresholds, value)), plain, host)
     }
 
     fn interleave<T: Copy + Default + Send>(
         &self,
         color: impl Fn(f32) -> T + Sync,
         plain: impl Fn(f32) -> T + Sync,
-    ) -> Vec<T> {
+        host: &dyn Host,
+    ) -> Result<Vec<T>, NodeError> {
         let (width, height) = (self.image.display.width(), self.image.display.height());
         let count = self.color.len() + usize::from(self.alpha.is_some());
         let mut samples = vec![T::default(); width * height * count];
-        samples.par_chunks_mut(width * count).enumerate().for_each(|(y, pixels)| {
+        samples.par_chunks_mut(width * count).enumerate().try_for_each(|(y, pixels)| {
+            if y % REPORT_ROWS == 0 {
+                host.progress(y as f64 / height as f64)?;
+            }
             let alpha = self.alpha.map(|alpha| self.display_row(alpha, y));
             for (c, plane) in self.color.iter().enumerate() {
                 let mut row = self.display_row(plane, y);
@@ -203,8 +231,9 @@ impl Source<'_> {
                 let slots = pixels.iter_mut().skip(count - 1).step_by(count);
                 slots.zip(alpha).for_each(|(sample, value)| *sample = plain(value));
             }
-        });
-        samples
+            Ok(())
+        })?;
+        Ok(samples)
     }
 
     /// Row `y` of the display window, 0 outside the data window.

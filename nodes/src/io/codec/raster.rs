@@ -4,32 +4,33 @@ use std::io::Cursor;
 
 use image::codecs::hdr::{HdrDecoder, HdrEncoder};
 use image::codecs::jpeg::{JpegDecoder, JpegEncoder};
-use image::codecs::png::{CompressionType, FilterType, PngDecoder, PngEncoder};
+use image::codecs::png::PngDecoder;
 use image::{DynamicImage, ImageBuffer, ImageDecoder, ImageError, Limits};
 use warploom_core::node::{ErrorClass, NodeError};
 use warploom_core::value::{Image, SampleType};
 
+use super::host::{Host, Sink, Source, joined};
 use super::pixels::{Alpha, Pixels, Samples, deepest};
-use super::{Depth, Reserve, WriteOptions, check_size, unreadable, unsupported};
+use super::{Depth, WriteOptions, check_size, png, rest, start, unreadable, unsupported};
 
 /// Room for what a decoder keeps beside the pixels: rows, tables, texts.
 const SCRATCH: u64 = 16 << 20;
 
 /// Reads a PNG: 8 or 16 bits, alpha straight; palettes and less than 8 bits become 8 bits.
-pub fn read_png(bytes: &[u8], reserve: Reserve) -> Result<Pixels, NodeError> {
+pub fn read_png(bytes: &[u8], host: &dyn Host) -> Result<Pixels, NodeError> {
     let mut limits = Limits::no_limits();
     limits.max_alloc = Some(SCRATCH);
-    read(PngDecoder::with_limits(Cursor::new(bytes), limits).map_err(image_error)?, 1, reserve)
+    read(PngDecoder::with_limits(Source::new(bytes, host), limits).map_err(image_error)?, host)
 }
 
 /// Reads a JPEG: 8 bits.
-pub fn read_jpeg(bytes: &[u8], reserve: Reserve) -> Result<Pixels, NodeError> {
+pub fn read_jpeg(bytes: &[u8], host: &dyn Host) -> Result<Pixels, NodeError> {
     if !is_whole_jpeg(bytes) {
         return Err(unreadable("the file ends early"));
     }
-    // The decoder copies the file, and keeps all coefficients of a progressive one in 16 bits.
-    reserve(bytes.len() as u128)?;
-    read(JpegDecoder::new(Cursor::new(bytes)).map_err(image_error)?, 4, reserve)
+    // The decoder copies the file. The coefficients of a progressive one take less than the planes that follow.
+    host.reserve(bytes.len() as u128)?;
+    read(JpegDecoder::new(Cursor::new(bytes)).map_err(image_error)?, host)
 }
 
 /// Whether the end marker follows the start of the first scan; the decoder would fill up what is missing with grey.
@@ -46,18 +47,20 @@ fn is_whole_jpeg(bytes: &[u8]) -> bool {
 }
 
 /// Reads a Radiance HDR: floats with a shared exponent.
-pub fn read_hdr(bytes: &[u8], reserve: Reserve) -> Result<Pixels, NodeError> {
+pub fn read_hdr(bytes: &[u8], host: &dyn Host) -> Result<Pixels, NodeError> {
     let strict = bytes.starts_with(b"#?RADIANCE");
-    read(HdrDecoder::with_strictness(Cursor::new(bytes), strict).map_err(image_error)?, 1, reserve)
+    read(HdrDecoder::with_strictness(Source::new(bytes, host), strict).map_err(image_error)?, host)
 }
 
-/// Reads what `decoder` finds; it takes `factor` times the pixels' bytes while at work.
-fn read(decoder: impl ImageDecoder, factor: u128, reserve: Reserve) -> Result<Pixels, NodeError> {
+/// Reads what `decoder` finds.
+fn read(decoder: impl ImageDecoder, host: &dyn Host) -> Result<Pixels, NodeError> {
     let (width, height) = decoder.dimensions();
     check_size(width.into(), height.into())?;
-    reserve(u128::from(decoder.total_bytes()) * factor)?;
+    host.reserve(decoder.total_bytes().into())?;
     let has_alpha = decoder.color_type().has_alpha();
-    let samples = match DynamicImage::from_decoder(decoder).map_err(image_error)? {
+    let decoded = DynamicImage::from_decoder(decoder);
+    host.go_on()?;
+    let samples = match decoded.map_err(image_error)? {
         DynamicImage::ImageLuma8(pixels) => Samples::U8(pixels.into_raw()),
         DynamicImage::ImageLumaA8(pixels) => Samples::U8(pixels.into_raw()),
         DynamicImage::ImageRgb8(pixels) => Samples::U8(pixels.into_raw()),
@@ -75,26 +78,24 @@ fn read(decoder: impl ImageDecoder, factor: u128, reserve: Reserve) -> Result<Pi
 }
 
 /// Writes a PNG of 8 or 16 bits, alpha straight.
-pub fn write_png(image: &Image, options: &WriteOptions, reserve: Reserve) -> Result<Vec<u8>, NodeError> {
+pub fn write_png(image: &Image, options: &WriteOptions, host: &dyn Host) -> Result<Vec<u8>, NodeError> {
     let depth = match (options.depth, deepest(image)) {
         (Depth::Auto, SampleType::U16) => Depth::U16,
         (Depth::Auto, _) => Depth::U8,
         (depth @ (Depth::U8 | Depth::U16), _) => depth,
         (depth, _) => return Err(no_such_depth(depth, "PNG", "U8 or U16")),
     };
-    let pixels = Pixels::of_image(image, depth, options.encoding, true, reserve)?;
-    write(pixels, reserve, |image, out| {
-        image.write_with_encoder(PngEncoder::new_with_quality(out, CompressionType::Default, FilterType::Adaptive))
-    })
+    let pixels = Pixels::of_image(image, depth, options.encoding, true, &start(host))?;
+    png::encode(&pixels, &rest(host))
 }
 
 /// Writes a JPEG of 8 bits.
-pub fn write_jpeg(image: &Image, options: &WriteOptions, reserve: Reserve) -> Result<Vec<u8>, NodeError> {
+pub fn write_jpeg(image: &Image, options: &WriteOptions, host: &dyn Host) -> Result<Vec<u8>, NodeError> {
     if !matches!(options.depth, Depth::Auto | Depth::U8) {
         return Err(no_such_depth(options.depth, "JPEG", "U8"));
     }
-    let pixels = Pixels::of_image(image, Depth::U8, options.encoding, false, reserve)?;
-    write(pixels, reserve, |image, out| {
+    let pixels = Pixels::of_image(image, Depth::U8, options.encoding, false, &start(host))?;
+    write(pixels, &rest(host), |image, out| {
         image.write_with_encoder(JpegEncoder::new_with_quality(out, options.quality.clamp(1, 100)))
     })
 }
@@ -103,33 +104,32 @@ pub fn write_jpeg(image: &Image, options: &WriteOptions, reserve: Reserve) -> Re
 const HDR_MAX: f32 = 1.0e38;
 
 /// Writes a Radiance HDR; grey becomes three equal colours.
-pub fn write_hdr(image: &Image, options: &WriteOptions, reserve: Reserve) -> Result<Vec<u8>, NodeError> {
+pub fn write_hdr(image: &Image, options: &WriteOptions, host: &dyn Host) -> Result<Vec<u8>, NodeError> {
     if !matches!(options.depth, Depth::Auto | Depth::Float) {
         return Err(no_such_depth(options.depth, "Radiance HDR", "Float"));
     }
-    let mut pixels = Pixels::of_image(image, Depth::Float, options.encoding, false, reserve)?;
+    let mut pixels = Pixels::of_image(image, Depth::Float, options.encoding, false, &start(host))?;
     if let (1, Samples::F32(samples)) = (pixels.samples_per_pixel(), &mut pixels.samples) {
-        reserve(3 * size_of_val(samples.as_slice()) as u128)?;
+        host.reserve(3 * size_of_val(samples.as_slice()) as u128)?;
         *samples = samples.iter().flat_map(|&y| [y; 3]).collect();
     }
     if let Samples::F32(samples) = &mut pixels.samples {
         // The format's exponent ends below 2^127; it has no place for what is negative or no number.
         samples.iter_mut().for_each(|sample| *sample = if *sample > 0.0 { sample.min(HDR_MAX) } else { 0.0 });
     }
-    write(pixels, reserve, |image, out| image.write_with_encoder(HdrEncoder::new(out)))
+    write(pixels, &rest(host), |image, out| image.write_with_encoder(HdrEncoder::new(out)))
 }
 
 fn write(
     pixels: Pixels,
-    reserve: Reserve,
-    encode: impl FnOnce(DynamicImage, Cursor<&mut Vec<u8>>) -> Result<(), ImageError>,
+    host: &dyn Host,
+    encode: impl FnOnce(DynamicImage, &mut Sink) -> Result<(), ImageError>,
 ) -> Result<Vec<u8>, NodeError> {
-    let image = dynamic(pixels);
-    let room = image.as_bytes().len() + (1 << 20);
-    reserve(room as u128)?;
-    let mut bytes = Vec::new();
-    encode(image, Cursor::new(&mut bytes)).map_err(|e| NodeError::refused(format!("cannot be encoded: {e}")))?;
-    Ok(bytes)
+    let mut sink = Sink::new(host);
+    let encoded = encode(dynamic(pixels), &mut sink);
+    let pieces = sink.pieces()?;
+    encoded.map_err(|e| NodeError::refused(format!("cannot be encoded: {e}")))?;
+    joined(pieces, host)
 }
 
 fn dynamic(pixels: Pixels) -> DynamicImage {

@@ -7,7 +7,7 @@ use warploom_core::value::{Buffer, Channel, Image, Labels, Mask, Plane, Raster, 
 use super::*;
 
 /// Lets everything pass.
-pub const FREE: Reserve = &|_| Ok(());
+pub const FREE: &dyn Host = &|_| Ok(());
 
 /// Lets `budget` bytes pass.
 pub fn limit(budget: u64) -> impl Fn(u128) -> Result<(), NodeError> {
@@ -261,4 +261,40 @@ fn damaged_and_foreign_files_are_errors_within_the_budget() {
     assert_eq!(class(b""), ErrorClass::InputUnreadable);
     assert_eq!(class(b"GIF89a"), ErrorClass::InputUnsupported);
     assert_eq!(class(&[0x76, 0x2f, 0x31, 0x01]), ErrorClass::InputUnreadable);
+}
+
+/// The same filters, packing and chunks.
+#[test]
+fn a_png_is_the_one_that_the_png_crate_writes() {
+    use image::codecs::png::{CompressionType, FilterType, PngEncoder};
+    use image::{ExtendedColorType as Color, ImageEncoder};
+    let colors = [
+        (1, [Color::L8, Color::L16]),
+        (2, [Color::La8, Color::La16]),
+        (3, [Color::Rgb8, Color::Rgb16]),
+        (4, [Color::Rgba8, Color::Rgba16]),
+    ];
+    for ((count, colors), (width, height)) in
+        colors.into_iter().flat_map(|color| [(color, (211, 150)), (color, (1, 3))])
+    {
+        // Flat, sloping, and noisy by rows.
+        let byte = |i: usize| match (i / count / width) % 3 {
+            0 => 77,
+            1 => (i / 5) as u8,
+            _ => (i as u32).wrapping_mul(0x9e37_79b9).to_be_bytes()[0] & 31,
+        };
+        let bytes: Vec<u8> = (0..width * height * count * 2).map(byte).collect();
+        let words: Vec<u16> = bytes.as_chunks().0.iter().map(|&word| u16::from_ne_bytes(word)).collect();
+        let wide = pixels::Samples::U16(words);
+        for (samples, color) in [(pixels::Samples::U8(bytes[..bytes.len() / 2].to_vec()), colors[0]), (wide, colors[1])]
+        {
+            let pixels = pixels::Pixels { width, height, alpha: pixels::Alpha::None, samples };
+            let raw = if pixels.sample_bytes() == 1 { &bytes[..bytes.len() / 2] } else { &bytes };
+            let mut expected = Vec::new();
+            PngEncoder::new_with_quality(&mut expected, CompressionType::Default, FilterType::Adaptive)
+                .write_image(raw, width as u32, height as u32, color)
+                .expect("it can be written");
+            assert!(png::encode(&pixels, FREE).expect("it can be written") == expected, "{color:?}");
+        }
+    }
 }

@@ -10,13 +10,14 @@ use tiff::tags::{ExtraSamples, PhotometricInterpretation, SampleFormat, Tag};
 use warploom_core::node::{ErrorClass, NodeError};
 use warploom_core::value::{Image, SampleType};
 
+use super::host::{Host, Source};
 use super::pixels::{Alpha, Pixels, Samples, deepest};
 use super::raster::no_such_depth;
-use super::{Depth, Reserve, WriteOptions, check_size, unreadable, unsupported};
+use super::{Depth, WriteOptions, check_size, plane_bytes, rest, start, unreadable, unsupported};
 
 /// Reads the first picture of a TIFF: grey or RGB, with alpha or without, 8 or 16 bits or float.
-pub fn read(bytes: &[u8], reserve: Reserve) -> Result<Pixels, NodeError> {
-    let mut decoder = Decoder::new(Cursor::new(bytes)).map_err(tiff_error)?;
+pub fn read(bytes: &[u8], host: &dyn Host) -> Result<Pixels, NodeError> {
+    let mut decoder = Decoder::new(Source::new(bytes, host)).map_err(tiff_error)?;
     let (width, height) = decoder.dimensions().map_err(tiff_error)?;
     check_size(width.into(), height.into())?;
     let (count, bits) = layout(&mut decoder)?;
@@ -30,18 +31,22 @@ pub fn read(bytes: &[u8], reserve: Reserve) -> Result<Pixels, NodeError> {
     let (chunk_width, chunk_height) = decoder.chunk_dimensions();
     let chunk_bytes = u128::from(chunk_width) * u128::from(chunk_height) * count as u128 * u128::from(bits / 8);
     let scratch = chunk_bytes.max(pixel_bytes as u128) + (1 << 20);
-    reserve(pixel_bytes as u128 + scratch)?;
+    // The scratch is free again before the planes are made.
+    let planes = count as u128 * plane_bytes(width as usize, height as usize);
+    host.reserve(pixel_bytes as u128 + scratch.saturating_sub(planes))?;
     let mut limits = Limits::default();
     limits.decoding_buffer_size = pixel_bytes;
     limits.intermediate_buffer_size = usize::try_from(scratch).unwrap_or(usize::MAX);
     let mut decoder = decoder.with_limits(limits);
     let mut result = DecodingResult::U8(Vec::new());
-    let read = decoder.read_image_to_buffer(&mut result).map_err(tiff_error)?;
+    let read = decoder.read_image_to_buffer(&mut result);
+    host.go_on()?;
+    let read = read.map_err(tiff_error)?;
     let planar = read.planes > 1;
     let samples = match result {
-        DecodingResult::U8(samples) => Samples::U8(interleaved(samples, planar, count, reserve)?),
-        DecodingResult::U16(samples) => Samples::U16(interleaved(samples, planar, count, reserve)?),
-        DecodingResult::F32(samples) => Samples::F32(interleaved(samples, planar, count, reserve)?),
+        DecodingResult::U8(samples) => Samples::U8(interleaved(samples, planar, count, host)?),
+        DecodingResult::U16(samples) => Samples::U16(interleaved(samples, planar, count, host)?),
+        DecodingResult::F32(samples) => Samples::F32(interleaved(samples, planar, count, host)?),
         _ => return Err(unsupported(format!("TIFF samples of {bits} bits of this sort cannot be read"))),
     };
     let pixels = Pixels { width: width as usize, height: height as usize, alpha, samples };
@@ -52,7 +57,7 @@ pub fn read(bytes: &[u8], reserve: Reserve) -> Result<Pixels, NodeError> {
 }
 
 /// Samples per pixel and bits per sample.
-fn layout(decoder: &mut Decoder<Cursor<&[u8]>>) -> Result<(usize, u8), NodeError> {
+fn layout(decoder: &mut Decoder<Source>) -> Result<(usize, u8), NodeError> {
     let color = decoder.colortype().map_err(tiff_error)?;
     let formats = decoder.find_tag_unsigned_vec::<u16>(Tag::SampleFormat).map_err(tiff_error)?;
     let is_float = formats.and_then(|formats| formats.first().copied()) == Some(SampleFormat::IEEEFP.to_u16());
@@ -78,18 +83,26 @@ fn layout(decoder: &mut Decoder<Cursor<&[u8]>>) -> Result<(usize, u8), NodeError
     }
 }
 
-/// Pixel by pixel, from plane by plane.
-fn interleaved<T: Copy>(samples: Vec<T>, planar: bool, count: usize, reserve: Reserve) -> Result<Vec<T>, NodeError> {
+/// Pixels that are put together between two looks at the host.
+const RUN: usize = 1 << 16;
+
+/// Pixel by pixel, from plane by plane; the second copy takes no more than the planes of the picture will.
+fn interleaved<T: Copy>(samples: Vec<T>, planar: bool, count: usize, host: &dyn Host) -> Result<Vec<T>, NodeError> {
     if !planar {
         return Ok(samples);
     }
-    reserve(size_of_val(samples.as_slice()) as u128)?;
     let plane = samples.len() / count;
-    Ok((0..plane).flat_map(|i| (0..count).map(move |c| (i, c))).map(|(i, c)| samples[c * plane + i]).collect())
+    let mut pixels = Vec::with_capacity(plane * count);
+    for start in (0..plane).step_by(RUN) {
+        host.go_on()?;
+        let run = start..plane.min(start + RUN);
+        pixels.extend(run.flat_map(|i| (0..count).map(move |c| (i, c))).map(|(i, c)| samples[c * plane + i]));
+    }
+    Ok(pixels)
 }
 
 /// Writes a TIFF without compression; alpha is marked as straight, or as premultiplied where samples are `Raw`.
-pub fn write(image: &Image, options: &WriteOptions, reserve: Reserve) -> Result<Vec<u8>, NodeError> {
+pub fn write(image: &Image, options: &WriteOptions, host: &dyn Host) -> Result<Vec<u8>, NodeError> {
     let depth = match (options.depth, deepest(image)) {
         (Depth::Auto, SampleType::U8) => Depth::U8,
         (Depth::Auto, SampleType::U16) => Depth::U16,
@@ -97,29 +110,33 @@ pub fn write(image: &Image, options: &WriteOptions, reserve: Reserve) -> Result<
         (Depth::Half, _) => return Err(no_such_depth(options.depth, "TIFF", "U8, U16 or Float")),
         (depth, _) => depth,
     };
-    let pixels = Pixels::of_image(image, depth, options.encoding, true, reserve)?;
+    let pixels = Pixels::of_image(image, depth, options.encoding, true, &start(host))?;
     let is_grey = pixels.samples_per_pixel() < 3;
     let written = match (&pixels.samples, is_grey) {
-        (Samples::U8(samples), true) => encode::<colortype::Gray8>(&pixels, samples, reserve),
-        (Samples::U8(samples), false) => encode::<colortype::RGB8>(&pixels, samples, reserve),
-        (Samples::U16(samples), true) => encode::<colortype::Gray16>(&pixels, samples, reserve),
-        (Samples::U16(samples), false) => encode::<colortype::RGB16>(&pixels, samples, reserve),
-        (Samples::F32(samples), true) => encode::<colortype::Gray32Float>(&pixels, samples, reserve),
-        (Samples::F32(samples), false) => encode::<colortype::RGB32Float>(&pixels, samples, reserve),
+        (Samples::U8(samples), true) => encode::<colortype::Gray8>(&pixels, samples, &rest(host)),
+        (Samples::U8(samples), false) => encode::<colortype::RGB8>(&pixels, samples, &rest(host)),
+        (Samples::U16(samples), true) => encode::<colortype::Gray16>(&pixels, samples, &rest(host)),
+        (Samples::U16(samples), false) => encode::<colortype::RGB16>(&pixels, samples, &rest(host)),
+        (Samples::F32(samples), true) => encode::<colortype::Gray32Float>(&pixels, samples, &rest(host)),
+        (Samples::F32(samples), false) => encode::<colortype::RGB32Float>(&pixels, samples, &rest(host)),
     }?;
     written.map_err(|e| NodeError::refused(format!("cannot be encoded: {e}")))
 }
 
+/// Room for a TIFF's tables, which have 16 bytes a strip of a megabyte.
+const TABLES: usize = 1 << 18;
+
 fn encode<C: colortype::ColorType>(
     pixels: &Pixels,
     samples: &[C::Inner],
-    reserve: Reserve,
+    host: &dyn Host,
 ) -> Result<Result<Vec<u8>, TiffError>, NodeError>
 where
     [C::Inner]: TiffValue,
 {
-    reserve(size_of_val(samples) as u128 + (1 << 20))?;
-    let mut bytes = Cursor::new(Vec::new());
+    let size = size_of_val(samples) + TABLES;
+    host.reserve(size as u128)?;
+    let mut bytes = Cursor::new(Vec::with_capacity(size));
     let mut write = || {
         let mut encoder = TiffEncoder::new(&mut bytes)?;
         let mut picture = encoder.new_image::<C>(pixels.width as u32, pixels.height as u32)?;
@@ -128,9 +145,16 @@ where
             Alpha::Straight => picture.extra_samples(&[ExtraSamples::UnassociatedAlpha])?,
             Alpha::Premultiplied => picture.extra_samples(&[ExtraSamples::AssociatedAlpha])?,
         }
-        picture.write_data(samples)
+        let mut rest = samples;
+        while !rest.is_empty() && host.progress(1.0 - rest.len() as f64 / samples.len() as f64).is_ok() {
+            let (strip, tail) = rest.split_at(picture.next_strip_sample_count() as usize);
+            picture.write_strip(strip)?;
+            rest = tail;
+        }
+        picture.finish()
     };
     let written = write();
+    host.go_on()?;
     Ok(written.map(|()| bytes.into_inner()))
 }
 

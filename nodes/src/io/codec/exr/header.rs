@@ -9,6 +9,7 @@ use exr::compression::Compression;
 use warploom_core::node::NodeError;
 use warploom_core::value::{Attribute, Metadata, Rect, SampleType};
 
+use super::super::host::Host;
 use super::super::{MAX_SIDE, unreadable, unsupported};
 
 const MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
@@ -17,6 +18,9 @@ const TILED: u32 = 1 << 9;
 const LONG_NAMES: u32 = 1 << 10;
 const DEEP: u32 = 1 << 11;
 const MULTI_PART: u32 = 1 << 12;
+
+/// Bytes that an attribute takes beside its value: names and its place among others.
+pub const ATTRIBUTE: usize = 256;
 
 const MAX_PARTS: usize = 256;
 const MAX_CHANNELS: usize = 1024;
@@ -74,7 +78,7 @@ pub struct Headers {
 }
 
 /// Reads all headers.
-pub fn read(file: &[u8]) -> Result<Headers, NodeError> {
+pub fn read(file: &[u8], host: &dyn Host) -> Result<Headers, NodeError> {
     let mut bytes = Bytes { file, at: MAGIC.len() };
     let version = bytes.u32()?;
     let unknown = version & !(0xff | TILED | LONG_NAMES | DEEP | MULTI_PART);
@@ -84,7 +88,7 @@ pub fn read(file: &[u8]) -> Result<Headers, NodeError> {
     let is_multi_part = version & MULTI_PART != 0;
     let mut parts = Vec::new();
     loop {
-        let attributes = bytes.attributes()?;
+        let attributes = bytes.attributes(host)?;
         if is_multi_part && attributes.is_empty() {
             break;
         }
@@ -152,7 +156,7 @@ impl<'a> Bytes<'a> {
         text(&name[..length])
     }
 
-    fn attributes(&mut self) -> Result<Metadata, NodeError> {
+    fn attributes(&mut self, host: &dyn Host) -> Result<Metadata, NodeError> {
         let mut attributes = Metadata::new();
         loop {
             let name = self.name()?;
@@ -161,7 +165,10 @@ impl<'a> Bytes<'a> {
             }
             let kind = self.name()?;
             let size = usize::try_from(self.i32()?).map_err(|_| damaged("an attribute is of negative size"))?;
-            let bytes = self.take(size)?.to_vec();
+            let value = self.take(size)?;
+            // A second time for what is found to be shared by all parts.
+            host.reserve(2 * (size + ATTRIBUTE) as u128)?;
+            let bytes = value.to_vec();
             attributes.insert(name, Attribute { kind, bytes });
         }
     }

@@ -8,7 +8,8 @@ use rayon::prelude::*;
 use warploom_core::node::NodeError;
 use warploom_core::value::{BufferMut, Channel, Image, Layer, Metadata, Plane, SampleType};
 
-use super::super::{Reserve, plane_bytes, unreadable};
+use super::super::host::{Host, Within};
+use super::super::{plane_bytes, unreadable};
 use super::blocks::Blocks;
 use super::header::{self, Part};
 
@@ -19,8 +20,8 @@ const UNPACK_FACTOR: u128 = 4;
 ///
 /// Attributes that all parts share become the picture's, the others their layer's. Samples stay as they are, half
 /// as float; uint becomes `u32`.
-pub fn read(bytes: &[u8], reserve: Reserve) -> Result<Image, NodeError> {
-    let headers = header::read(bytes)?;
+pub fn read(bytes: &[u8], host: &dyn Host) -> Result<Image, NodeError> {
+    let headers = header::read(bytes, host)?;
     let mut tables = Vec::with_capacity(headers.parts.len());
     let mut table_at = headers.end;
     for (number, part) in headers.parts.iter().enumerate() {
@@ -34,14 +35,15 @@ pub fn read(bytes: &[u8], reserve: Reserve) -> Result<Image, NodeError> {
         table_at += table.len();
         let scratch = (blocks.max_bytes() as u128) * UNPACK_FACTOR * rayon::current_num_threads() as u128;
         let planes = part.channels.len() as u128 * plane_bytes(part.data.width(), part.data.height());
-        reserve(planes + scratch)?;
+        host.reserve(planes + scratch)?;
         tables.push((headers.is_multi_part.then_some(number), blocks, table));
     }
     let mut layers = Vec::with_capacity(headers.parts.len());
-    for (part, (number, blocks, table)) in headers.parts.iter().zip(&tables) {
-        reserve(0)?;
+    let part_of_all = 1.0 / headers.parts.len() as f64;
+    for (index, (part, (number, blocks, table))) in headers.parts.iter().zip(&tables).enumerate() {
+        let host = Within { host, from: index as f64 * part_of_all, to: (index + 1) as f64 * part_of_all };
         let chunks = Chunks { bytes, table, number: *number, top: part.data.y0, is_tiled: part.tile.is_some() };
-        layers.push(layer(part, blocks, &chunks)?);
+        layers.push(layer(part, blocks, &chunks, &host)?);
     }
     let metadata = take_shared(&mut layers);
     let first = &headers.parts[0];
@@ -118,7 +120,7 @@ enum PlaneMut {
 }
 
 /// Unpacks a part, rows of blocks side by side.
-fn layer(part: &Part, blocks: &Blocks, chunks: &Chunks) -> Result<Layer, NodeError> {
+fn layer(part: &Part, blocks: &Blocks, chunks: &Chunks, host: &dyn Host) -> Result<Layer, NodeError> {
     let (width, height) = (part.data.width(), part.data.height());
     let mut planes: Vec<PlaneMut> = Vec::with_capacity(part.channels.len());
     for channel in &part.channels {
@@ -148,9 +150,14 @@ fn layer(part: &Part, blocks: &Blocks, chunks: &Chunks) -> Result<Layer, NodeErr
         .par_iter_mut()
         .enumerate()
         .map(|(row, bands)| {
-            (0..blocks.count[0]).try_for_each(|column| unpack(blocks, chunks, column, row, stride, bands))
+            host.progress(row as f64 / blocks.count[1] as f64)?;
+            (0..blocks.count[0]).try_for_each(|column| {
+                host.go_on()?;
+                unpack(blocks, chunks, column, row, stride, bands)
+            })
         })
         .collect();
+    host.go_on()?;
     // The first error from the top, whichever thread met one first.
     done.into_iter().collect::<Result<(), _>>()?;
     let channels = planes.into_iter().zip(&part.channels).map(|(plane, channel)| Channel {

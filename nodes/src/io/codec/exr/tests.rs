@@ -360,7 +360,7 @@ fn absurd_counts_in_a_dwa_block_are_errors() {
     let smooth: Vec<f32> = (0..64 * 64).map(|i| (i % 64) as f32 / 64.0).collect();
     image.layers[0].channels[1].plane = Plane::F32(Buffer::from_packed(&smooth, 64, 64));
     let file = write(&image, Compression::Dwaa);
-    let table = super::header::read(&file).expect("a sound header").end;
+    let table = super::header::read(&file, FREE).expect("a sound header").end;
     let first = u64::from_le_bytes(file[table..][..8].try_into().expect("an offset")) as usize;
     let counters = first + 8;
     assert_eq!(file[counters..][..8], 2u64.to_le_bytes(), "a packed block begins with its version");

@@ -1,6 +1,7 @@
 //! From a picture to the bytes of an OpenEXR file.
 
 use std::collections::BTreeSet;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use exr::compression::Compression as Packing;
 use half::f16;
@@ -9,18 +10,19 @@ use rayon::prelude::*;
 use warploom_core::node::NodeError;
 use warploom_core::value::{Image, Layer, Metadata, Plane, Rect, SampleType};
 
+use super::super::host::Host;
 use super::super::raster::no_such_depth;
-use super::super::{Compression, Depth, MAX_SIDE, Reserve, WriteOptions};
+use super::super::{Compression, Depth, MAX_SIDE, WriteOptions};
 use super::blocks::Blocks;
-use super::header::{self, COMPRESSION, ChannelHeader, Part};
+use super::header::{self, ATTRIBUTE, COMPRESSION, ChannelHeader, Part};
 
-/// Blocks packed side by side before they are put in the file.
-const BATCH: usize = 256;
+/// Bytes before a block: the number of its part, its row and its size.
+const BLOCK_HEAD: usize = 12;
 
 /// Writes all layers that have channels, each as a part of scan lines with its channels sorted by name. Parts of a
 /// file must have names that differ: one that is empty or taken becomes `partN`. A layer without pixels becomes one
 /// zero pixel at the top left of the display window, which looks the same.
-pub fn write(image: &Image, options: &WriteOptions, reserve: Reserve) -> Result<Vec<u8>, NodeError> {
+pub fn write(image: &Image, options: &WriteOptions, host: &dyn Host) -> Result<Vec<u8>, NodeError> {
     if matches!(options.depth, Depth::U8 | Depth::U16) {
         return Err(no_such_depth(options.depth, "EXR", "Half or Float"));
     }
@@ -32,7 +34,7 @@ pub fn write(image: &Image, options: &WriteOptions, reserve: Reserve) -> Result<
     let mut names = BTreeSet::new();
     let mut sources = Vec::with_capacity(layers.len());
     for (number, layer) in layers.iter().enumerate() {
-        let source = Source::of(layer, image, options)?;
+        let source = Source::of(layer, image, options, host)?;
         let mut name = source.part.name.clone();
         if layers.len() > 1 && (name.is_empty() || names.contains(&name)) {
             let taken = |name: &String| names.contains(name) || layers.iter().any(|layer| *layer.name == **name);
@@ -41,7 +43,7 @@ pub fn write(image: &Image, options: &WriteOptions, reserve: Reserve) -> Result<
         names.insert(name.clone());
         sources.push(Source { part: Part { name, ..source.part }, ..source });
     }
-    assemble(&sources, reserve)
+    assemble(&sources, host)
 }
 
 fn check_window(window: Rect) -> Result<(), NodeError> {
@@ -63,7 +65,7 @@ struct Source<'a> {
 }
 
 impl<'a> Source<'a> {
-    fn of(layer: &'a Layer, image: &Image, options: &WriteOptions) -> Result<Self, NodeError> {
+    fn of(layer: &'a Layer, image: &Image, options: &WriteOptions, host: &dyn Host) -> Result<Self, NodeError> {
         let is_empty = layer.data.is_empty();
         let data = if is_empty { Rect::at(image.display.x0, image.display.y0, 1, 1) } else { layer.data };
         check_window(data)?;
@@ -78,6 +80,9 @@ impl<'a> Source<'a> {
             sample_type: stored_type(&channel.plane, channel.sample_type, options.depth),
             is_linear: false,
         });
+        // Here, among a part's attributes, in its header, which grows by doubling, and in the file's.
+        let attributes = image.metadata.values().chain(layer.metadata.values());
+        host.reserve(attributes.map(|attribute| 6 * (attribute.bytes.len() + ATTRIBUTE) as u128).sum())?;
         let mut metadata = Metadata::clone(&image.metadata);
         metadata.extend(layer.metadata.iter().map(|(name, attribute)| (name.clone(), attribute.clone())));
         let part = Part {
@@ -93,6 +98,20 @@ impl<'a> Source<'a> {
         };
         let blocks = Blocks::of(&part);
         Ok(Self { part, planes, blocks })
+    }
+
+    /// The packed bytes of all blocks; `done` counts those of all parts, `total` of them.
+    fn pack_all(&self, total: usize, done: &AtomicUsize, host: &dyn Host) -> Result<Vec<Vec<u8>>, NodeError> {
+        let pack = |row: usize| {
+            host.progress(done.fetch_add(1, Ordering::Relaxed) as f64 / total as f64)?;
+            let mut packed = self.pack(row)?;
+            packed.shrink_to_fit();
+            host.reserve((packed.len() + size_of::<Vec<u8>>()) as u128)?;
+            Ok(packed)
+        };
+        let packed: Vec<Result<Vec<u8>, NodeError>> = (0..self.blocks.count[1]).into_par_iter().map(pack).collect();
+        // The first error from the top, whichever thread met one first.
+        packed.into_iter().collect()
     }
 
     /// The packed bytes of a block of rows.
@@ -151,36 +170,51 @@ fn packing(compression: Compression, metadata: &Metadata) -> Packing {
     }
 }
 
+/// Bytes taken per byte of a block while it is packed: its samples and the encoder's own.
+fn pack_factor(compression: Packing) -> usize {
+    match compression {
+        Packing::DWAA(_) | Packing::DWAB(_) => 6,
+        _ => 4,
+    }
+}
+
 /// Headers, tables of offsets, blocks.
-fn assemble(sources: &[Source], reserve: Reserve) -> Result<Vec<u8>, NodeError> {
-    let counts: Vec<usize> = sources.iter().map(|source| source.blocks.count[1]).collect();
-    let block_bytes = |source: &Source| source.blocks.max_bytes() as u128 + 28;
-    let worst: u128 = sources.iter().map(|s| s.blocks.count[1] as u128 * block_bytes(s)).sum();
-    let batch = sources.iter().map(|s| s.blocks.count[1].min(BATCH) as u128 * block_bytes(s)).max();
-    reserve(worst + batch.unwrap_or(0))?;
+fn assemble(sources: &[Source], host: &dyn Host) -> Result<Vec<u8>, NodeError> {
+    let scratch = |source: &Source| {
+        let at_work = source.blocks.count[1].min(rayon::current_num_threads());
+        at_work * source.blocks.max_bytes() * pack_factor(source.part.compression)
+    };
+    let scratch = sources.iter().map(scratch).max().unwrap_or(0) as u128;
+    host.reserve(scratch)?;
+    let total: usize = sources.iter().map(|source| source.blocks.count[1]).sum();
+    let done = AtomicUsize::new(0);
+    let packed = sources.iter().map(|source| source.pack_all(total, &done, host)).collect::<Result<Vec<_>, _>>()?;
+
+    let counts: Vec<usize> = packed.iter().map(Vec::len).collect();
     let parts: Vec<&Part> = sources.iter().map(|source| &source.part).collect();
     let mut file = header::write(&parts, &counts)?;
+    let blocks: usize = packed.iter().flatten().map(|block| block.len() + BLOCK_HEAD).sum();
+    let size = file.len() + 8 * total + blocks;
+    // What was scratch is free again.
+    host.reserve((size as u128).saturating_sub(scratch))?;
+    file.reserve_exact(size - file.len());
     let mut table_at = file.len();
-    file.resize(table_at + 8 * counts.iter().sum::<usize>(), 0);
-    for (number, source) in sources.iter().enumerate() {
-        let rows: Vec<usize> = (0..source.blocks.count[1]).collect();
-        for batch in rows.chunks(BATCH) {
-            reserve(0)?;
-            let packed: Vec<Result<Vec<u8>, NodeError>> = batch.par_iter().map(|&row| source.pack(row)).collect();
-            for (&row, packed) in batch.iter().zip(packed) {
-                let (packed, offset) = (packed?, file.len() as u64);
-                file[table_at..][..8].copy_from_slice(&offset.to_le_bytes());
-                table_at += 8;
-                if sources.len() > 1 {
-                    file.extend_from_slice(&(number as i32).to_le_bytes());
-                }
-                let y = source.part.data.y0 + source.blocks.rectangle(0, row)[1] as i32;
-                file.extend_from_slice(&y.to_le_bytes());
-                let size = i32::try_from(packed.len())
-                    .map_err(|_| NodeError::refused("a block passes 2 GiB").hint("use another compression"))?;
-                file.extend_from_slice(&size.to_le_bytes());
-                file.extend_from_slice(&packed);
+    file.resize(table_at + 8 * total, 0);
+    for (number, (source, blocks)) in sources.iter().zip(packed).enumerate() {
+        for (row, packed) in blocks.into_iter().enumerate() {
+            host.go_on()?;
+            let offset = file.len() as u64;
+            file[table_at..][..8].copy_from_slice(&offset.to_le_bytes());
+            table_at += 8;
+            if sources.len() > 1 {
+                file.extend_from_slice(&(number as i32).to_le_bytes());
             }
+            let y = source.part.data.y0 + source.blocks.rectangle(0, row)[1] as i32;
+            file.extend_from_slice(&y.to_le_bytes());
+            let size = i32::try_from(packed.len())
+                .map_err(|_| NodeError::refused("a block passes 2 GiB").hint("use another compression"))?;
+            file.extend_from_slice(&size.to_le_bytes());
+            file.extend_from_slice(&packed);
         }
     }
     Ok(file)

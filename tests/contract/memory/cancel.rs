@@ -1,0 +1,71 @@
+//! A node that is told to stop does so soon.
+
+use std::sync::OnceLock;
+use std::time::{Duration, Instant};
+
+use tempfile::TempDir;
+use warploom_core::engine::{Cancel, Engine, Event, Observer};
+
+use crate::scene::{Case, cases, engine, run};
+use crate::serial;
+
+/// Ten times what is promised: a time in a test only catches hangs.
+const LIMIT: Duration = Duration::from_secs(1);
+const SIZE: [u32; 2] = [4096, 2160];
+
+/// Tells when `it` begins, and whether it ends.
+#[derive(Default)]
+struct Progress {
+    begun: OnceLock<()>,
+    ended: OnceLock<()>,
+}
+
+impl Observer for Progress {
+    fn event(&self, event: Event<'_>) {
+        let what = match event {
+            Event::Started { node: "it", .. } => &self.begun,
+            Event::Finished { node: "it", .. } => &self.ended,
+            _ => return,
+        };
+        what.get_or_init(|| ());
+    }
+}
+
+/// How long a run goes on that is told to stop `after` its node began; none if the node was done before.
+fn latency(folder: &TempDir, engine: &Engine, case: &Case, after: Duration) -> Option<Duration> {
+    let (progress, cancel) = (Progress::default(), Cancel::default());
+    let stopped = std::thread::scope(|scope| {
+        let stopper = scope.spawn(|| {
+            progress.begun.wait();
+            std::thread::sleep(after);
+            cancel.cancel();
+            Instant::now()
+        });
+        run(folder, engine, &case.text, SIZE, &progress, cancel.clone());
+        // A run that ended by itself began its node, too.
+        let ended = Instant::now();
+        stopper.join().map(|stopped| ended.saturating_duration_since(stopped)).expect("it does not panic")
+    });
+    progress.ended.get().is_none().then_some(stopped)
+}
+
+#[test]
+fn every_node_stops_when_told_to() {
+    let _serial = serial();
+    let mut problems = Vec::new();
+    for case in cases() {
+        let (folder, engine) = (tempfile::tempdir().expect("a folder"), engine(1));
+        if let Some(before) = &case.before {
+            run(&folder, &engine, before, SIZE, &(), Cancel::default());
+        }
+        // Later and later, until the node is done before it is told.
+        let delays = (0..).map(|number| Duration::from_millis(2) * 2u32.pow(number));
+        let latencies =
+            delays.map_while(|after| latency(&folder, &engine, &case, after).map(|latency| (latency, after)));
+        let Some((worst, after)) = latencies.max() else { continue };
+        let line = format!("{worst:7.0?} after {after:.0?} {} {:?}", case.text, case.before);
+        println!("{line}");
+        problems.extend((worst > LIMIT).then_some(line));
+    }
+    assert!(problems.is_empty(), "\n{}", problems.join("\n"));
+}

@@ -1,0 +1,179 @@
+//! Every node type at work on large pictures and fine lattices.
+
+use std::sync::{Arc, LazyLock};
+
+use rayon::prelude::*;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use smart_default::SmartDefault;
+use tempfile::TempDir;
+use warploom_core::engine::{Cancel, Engine, Job, Observer, Report, Settings};
+use warploom_core::graph::check::{Options, check};
+use warploom_core::node::{Context, Node, NodeError, Output, Outputs};
+use warploom_core::registry::{Registry, def};
+use warploom_core::value::{BufferMut, Channel, Image, Kind, Mask, Plane, Raster, Rect, SampleType, Windows};
+use warploom_nodes::NODES;
+
+/// A picture and masks that are hard to pack and to take apart.
+#[derive(Serialize, Deserialize, JsonSchema, SmartDefault)]
+#[serde(default, deny_unknown_fields)]
+pub struct Grain {
+    /// Width and height.
+    pub size: [u32; 2],
+    /// What it starts from.
+    pub seed: u32,
+}
+
+impl Node for Grain {
+    const VERSION: u32 = 1;
+    const OUTPUTS: &'static [Output] =
+        &[Output::new("image", Kind::Image), Output::new("dots", Kind::Mask), Output::new("discs", Kind::Mask)];
+
+    fn compute(&self, _: &Context) -> Result<Outputs, NodeError> {
+        let window = Rect::at(0, 0, self.size[0] as usize, self.size[1] as usize);
+        let plane = |sample: &(dyn Fn(usize, usize) -> f32 + Sync)| {
+            let mut plane = BufferMut::<f32>::zeroed(window.width(), window.height());
+            let (stride, width) = (plane.stride(), window.width());
+            let rows = plane.samples_mut().par_chunks_mut(stride).enumerate();
+            rows.for_each(|(y, row)| row[..width].iter_mut().enumerate().for_each(|(x, out)| *out = sample(x, y)));
+            plane.freeze()
+        };
+        let channel = |(number, name): (u32, &str)| {
+            let samples = plane(&|x, y| match name {
+                "A" => 0.25 + 0.75 * noise(self.seed + number, x, y),
+                _ => (x + y) as f32 / 9e3 + 0.1 * noise(self.seed + number, x, y),
+            });
+            Channel { name: name.into(), sample_type: SampleType::Float, plane: Plane::F32(samples) }
+        };
+        let image = Image::new(window, (0..).zip(["R", "G", "B", "A"]).map(channel).collect());
+        let mask = |samples| Mask(Raster { windows: Windows::full(window), samples });
+        let dots = mask(plane(&|x, y| noise(self.seed, x, y)));
+        let discs = mask(plane(&|x, y| {
+            let [dx, dy] = [x % 64, y % 64].map(|at| at as f32 - 32.0);
+            if dx * dx + dy * dy < 300.0 { 1.0 } else { 0.0 }
+        }));
+        Ok(Outputs::new([image.into(), dots.into(), discs.into()]))
+    }
+}
+
+/// A number in 0..1.
+fn noise(seed: u32, x: usize, y: usize) -> f32 {
+    let mut state = (x as u32).wrapping_mul(0x9E37_79B1) ^ (y as u32).wrapping_mul(0x85EB_CA77) ^ seed << 20;
+    state = (state ^ state >> 15).wrapping_mul(0x2C1B_3C6D);
+    state = (state ^ state >> 12).wrapping_mul(0x297A_2D39);
+    (state >> 8) as f32 / (1 << 24) as f32
+}
+
+static REGISTRY: LazyLock<Registry> = LazyLock::new(|| Registry::new(&[NODES, &[def::<Grain>("Grain")]].concat()));
+
+/// A node at work.
+#[derive(Clone)]
+pub struct Case {
+    /// Its type and parameters.
+    pub text: String,
+    /// What must run before it, to leave a file.
+    pub before: Option<String>,
+}
+
+fn case(text: impl Into<String>) -> Case {
+    Case { text: text.into(), before: None }
+}
+
+/// Each node type on its largest inputs.
+pub fn cases() -> Vec<Case> {
+    let warps = ["Affine", "Arc", "Stretch", "Swirl", "Wave"].map(|warp| format!("{warp}(grid: \"grid\")"));
+    let cards = ["Checker", "Constant", "Ramp"].map(|card| format!("{card}(size: (WIDTH, HEIGHT))"));
+    let others = [
+        r#"Combine(masks: ["a.dots", "b.discs", "b.dots"])"#,
+        r#"Components(mask: "a.discs")"#,
+        r#"Components(mask: "a.dots", connectivity: Four)"#,
+        r#"Difference(a: "a.image", b: "b.image")"#,
+        r#"DrawGrid(image: "a.image", warp: "wave", every: 1)"#,
+        r#"FeatureFactor(grid: "grid", features: "labels")"#,
+        r#"FeatureFactor(grid: "coarse", features: "labels", radius: 64.0)"#,
+        r#"FeatureWarp(warp: "wave", factor: "factor")"#,
+        r#"FrameHold(input: "a.image")"#,
+        r#"Grow(mask: "a.dots", by: 12.5)"#,
+        r#"Lattice(domain: "a.image", cell: 1.0)"#,
+        r#"Over(images: ["a.image", "b.image"])"#,
+        r#"Over(images: ["a.image", "b.image", "a.image", "b.image"])"#,
+        r#"Polygon(domain: "a.image", points: [(3.0, 5.0), (900.0, 40.0), (70.0, 800.0)], feather: 40.0)"#,
+        r#"Polygon(domain: "a.image", points: [(3.0, 5.0), (900.0, 40.0), (70.0, 800.0)])"#,
+        r#"Resample(image: "a.image", warp: "wave")"#,
+        r#"Resample(image: "a.image", warp: "wild", edge: Mirror)"#,
+        r#"Resample(image: "a.dots", warp: "fine", fit: true)"#,
+        r#"Resample(image: "labels", warp: "wave")"#,
+        r#"Resample(image: "specks", warp: "wave")"#,
+        r#"Threshold(image: "a.image", channel: "luma", above: 0.3)"#,
+        r#"Threshold(image: "a.image", channel: "G", above: 0.3)"#,
+    ];
+    let saves = files().into_iter().flat_map(|file| {
+        let save = format!("Save(image: \"a.image\", {file})");
+        [case(save.clone()), Case { text: "Load(path: PATH)".into(), before: Some(save) }]
+    });
+    warps.into_iter().chain(cards).chain(others.map(str::to_owned)).map(case).chain(saves).collect()
+}
+
+/// Parameters of Save: every format, depth and compression.
+fn files() -> Vec<String> {
+    let file = |extension: &str, more: &str| format!("path: \"it.{extension}\"{more}");
+    let mut files = vec![file("jpg", ""), file("hdr", ""), file("hdr", ", encoding: Srgb")];
+    for depth in ["U8", "U16"] {
+        files.extend(["png", "tif"].map(|extension| file(extension, &format!(", depth: {depth}"))));
+    }
+    files.push(file("tif", ", depth: Float, encoding: Srgb"));
+    files.push(file("exr", ", encoding: Srgb"));
+    for compression in ["None", "Rle", "Zips", "Zip", "Piz", "Pxr24", "B44", "B44a", "Dwaa", "Dwab"] {
+        for depth in ["Half", "Float"] {
+            files.push(file("exr", &format!(", depth: {depth}, compression: {compression}")));
+        }
+    }
+    files
+}
+
+/// The name of a case's node type.
+pub fn type_of(case: &Case) -> &str {
+    case.text.split('(').next().unwrap_or_default()
+}
+
+pub fn engine(threads: usize) -> Engine {
+    Engine::new(Settings { threads, memory: 64 << 30, ..Settings::default() })
+}
+
+/// Runs the node `it` of a case; what it needs runs before it.
+pub fn run(
+    folder: &TempDir,
+    engine: &Engine,
+    text: &str,
+    size: [u32; 2],
+    observer: &dyn Observer,
+    cancel: Cancel,
+) -> Report {
+    let [width, height] = size;
+    let path = std::fs::read_dir(folder.path()).expect("a folder").flatten().next().map(|entry| entry.path());
+    let text = text
+        .replace("WIDTH", &width.to_string())
+        .replace("HEIGHT", &height.to_string())
+        .replace("PATH", &format!("{:?}", path.unwrap_or_default()));
+    let graph = format!(
+        r#"Graph(version: 1, nodes: {{
+    "a": Grain(size: ({width}, {height}), seed: 1),
+    "b": Grain(size: ({width}, {height}), seed: 9),
+    "labels": Components(mask: "a.discs"),
+    "specks": Components(mask: "a.dots", connectivity: Four),
+    "grid": Lattice(domain: "a.image", cell: 2.0),
+    "coarse": Lattice(domain: "a.image", cell: 5.0),
+    "pixels": Lattice(domain: "a.image", cell: 1.0),
+    "wave": Wave(grid: "grid", amplitude: 6.0),
+    "fine": Wave(grid: "pixels", amplitude: 6.0),
+    "wild": Wave(grid: "grid", amplitude: 900.0, wavelength: 3.7, direction: 33.0),
+    "factor": FeatureFactor(grid: "grid", features: "labels"),
+    "it": {text},
+}})"#
+    );
+    let (file, targets) = (folder.path().join("graph.ron"), ["it".to_owned()]);
+    let options = Options { targets: &targets, ..Options::new(&file) };
+    let checked = check(&graph, &REGISTRY, &options);
+    let plan = Arc::new(checked.plan.unwrap_or_else(|| panic!("{graph}\n{:#?}", checked.faults)));
+    engine.run(&plan, &Job { observer, cancel, ..Job::default() })
+}
