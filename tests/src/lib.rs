@@ -1,5 +1,7 @@
 //! What the test harnesses of Warploom share.
 
+pub mod disk_nodes;
+pub mod disk_state;
 pub mod io;
 
 /// A generator of numbers that is the same everywhere (SplitMix64).
