@@ -2,6 +2,7 @@
 
 #![allow(missing_docs)]
 
+mod disk_damage;
 mod disk_faults;
 mod model;
 mod nodes;
