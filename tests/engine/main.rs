@@ -4,6 +4,7 @@
 
 mod disk_damage;
 mod disk_faults;
+mod disk_work;
 mod model;
 mod nodes;
 mod promises;

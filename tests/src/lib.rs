@@ -2,6 +2,7 @@
 
 pub mod disk_nodes;
 pub mod disk_state;
+pub mod disk_work;
 pub mod io;
 
 /// A generator of numbers that is the same everywhere (SplitMix64).
