@@ -4,7 +4,7 @@
 //! folder without locks: whatever is corrupt, truncated or foreign is a miss. The format's number is part of the
 //! path. What goes wrong here costs time and one warning, never a result.
 
-use std::io::{self, BufReader, ErrorKind};
+use std::io::{self, BufReader};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -120,7 +120,7 @@ impl DiskTier {
         let value = self.look(&path, || read_value(&*self.io, &path, digest))?;
         if self.is_writable()
             && let Err(error) = door::persist(|| self.io.touch(&path))
-            && error.kind() != ErrorKind::NotFound
+            && !door::is_gone(&error)
         {
             self.cannot_write(&error);
         }
@@ -210,7 +210,7 @@ impl DiskTier {
 
     /// That something is not there is no trouble.
     fn cannot_read(&self, error: &io::Error) {
-        if error.kind() != ErrorKind::NotFound {
+        if !door::is_gone(error) {
             let problem = plain(error);
             self.warn(|root| {
                 format!("the cache at {root} cannot be read ({problem}); what is not found there is made anew")

@@ -142,6 +142,11 @@ pub(crate) fn persist<T>(mut operation: impl FnMut() -> io::Result<T>) -> io::Re
     }
 }
 
+/// Whether an error says that a file is not there: on a network, one that another machine removed may be open still.
+pub(crate) fn is_gone(error: &io::Error) -> bool {
+    matches!(error.kind(), ErrorKind::NotFound | ErrorKind::StaleNetworkFileHandle)
+}
+
 /// What there is at `path`.
 pub(crate) fn stat(io: &dyn Io, path: &Path) -> io::Result<Stat> {
     persist(|| io.stat(path))
@@ -173,7 +178,7 @@ pub(crate) fn digest(io: &dyn Io, path: &Path) -> io::Result<Digest> {
 /// Removes a file; that it is not there is as good.
 pub(crate) fn remove(io: &dyn Io, path: &Path) -> io::Result<()> {
     match persist(|| io.remove(path)) {
-        Err(error) if error.kind() == ErrorKind::NotFound => Ok(()),
+        Err(error) if is_gone(&error) => Ok(()),
         ended => ended,
     }
 }
