@@ -2,6 +2,11 @@
 
 #![allow(missing_docs)]
 
+mod disk_clocks;
+mod disk_damage;
+mod disk_faults;
+mod disk_places;
+mod disk_work;
 mod model;
 mod nodes;
 mod promises;

@@ -46,6 +46,10 @@ pub trait Meddler: Send + Sync + 'static {
         let _ = path;
         stat
     }
+    /// Whether its files are stamped by this machine's clock.
+    fn has_our_clock(&self, path: &Path) -> bool {
+        Disk.has_our_clock(path)
+    }
     /// How many of `length` bytes are written at once.
     fn written(&self, path: &Path, length: usize) -> usize {
         let _ = path;
@@ -105,6 +109,10 @@ impl<M: Meddler> Io for Meddled<M> {
     fn list(&self, folder: &Path) -> io::Result<Vec<OsString>> {
         self.0.before(Op::List, folder)?;
         Disk.list(folder)
+    }
+
+    fn has_our_clock(&self, path: &Path) -> bool {
+        self.0.has_our_clock(path)
     }
 
     fn touch(&self, path: &Path) -> io::Result<()> {

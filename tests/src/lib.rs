@@ -1,5 +1,8 @@
 //! What the test harnesses of Warploom share.
 
+pub mod disk_nodes;
+pub mod disk_state;
+pub mod disk_work;
 pub mod harness;
 pub mod io;
 

@@ -4,7 +4,7 @@
 //! folder without locks: whatever is corrupt, truncated or foreign is a miss. The format's number is part of the
 //! path. What goes wrong here costs time and one warning, never a result.
 
-use std::io::{self, BufReader, ErrorKind};
+use std::io::{self, BufReader};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -76,6 +76,8 @@ pub struct DiskTier {
     pub(super) budget: u64,
     pub(super) usage: Mutex<Usage>,
     pub(super) counters: Counters,
+    /// Damaged entries that no warning told of yet.
+    damaged_untold: AtomicU64,
     writable: AtomicBool,
     warning: Mutex<Option<String>>,
 }
@@ -95,6 +97,7 @@ impl DiskTier {
             budget,
             usage: Mutex::new(Usage::new(budget)),
             counters: Counters::default(),
+            damaged_untold: AtomicU64::new(0),
             writable: AtomicBool::new(true),
             warning: Mutex::new(None),
         }
@@ -117,7 +120,7 @@ impl DiskTier {
         let value = self.look(&path, || read_value(&*self.io, &path, digest))?;
         if self.is_writable()
             && let Err(error) = door::persist(|| self.io.touch(&path))
-            && error.kind() != ErrorKind::NotFound
+            && !door::is_gone(&error)
         {
             self.cannot_write(&error);
         }
@@ -143,7 +146,11 @@ impl DiskTier {
 
     /// Something small that fits `T`, by name.
     pub(crate) fn load_json<T: DeserializeOwned>(&self, table: Table, name: &Digest) -> Option<T> {
-        serde_json::from_slice(&self.load(table, name)?).ok()
+        let path = self.path(table, name);
+        self.look(&path, || {
+            let Found::Whole(bytes) = read_sealed(&*self.io, &path, name)? else { return Ok(Found::Damaged) };
+            Ok(serde_json::from_slice(&bytes).map_or(Found::Damaged, Found::Whole))
+        })
     }
 
     pub(crate) fn save_bytes(&self, table: Table, name: &Digest, content: &[u8]) {
@@ -169,6 +176,7 @@ impl DiskTier {
             }
             Ok(Found::Damaged) => {
                 count(&self.counters.damaged);
+                count(&self.damaged_untold);
                 self.remove(path);
             }
             Err(error) => self.cannot_read(&error),
@@ -202,7 +210,7 @@ impl DiskTier {
 
     /// That something is not there is no trouble.
     fn cannot_read(&self, error: &io::Error) {
-        if error.kind() != ErrorKind::NotFound {
+        if !door::is_gone(error) {
             let problem = plain(error);
             self.warn(|root| {
                 format!("the cache at {root} cannot be read ({problem}); what is not found there is made anew")
@@ -225,7 +233,7 @@ impl DiskTier {
 
     /// The one warning, if something went wrong since it was last taken.
     pub fn take_warning(&self) -> Option<String> {
-        match self.counters.damaged.load(Ordering::Relaxed) {
+        match self.damaged_untold.swap(0, Ordering::Relaxed) {
             0 => {}
             1 => self.warn(|root| format!("an entry of the cache at {root} was damaged; it was made anew")),
             count => {

@@ -42,6 +42,8 @@ pub trait Io: Send + Sync {
     fn make_folder(&self, path: &Path) -> io::Result<()>;
     /// Names of what is in a folder.
     fn list(&self, folder: &Path) -> io::Result<Vec<OsString>>;
+    /// Whether the file system that `path` lies in stamps files by this machine's clock. A server's clock may be off.
+    fn has_our_clock(&self, path: &Path) -> bool;
     /// Says that a file was used: sets its times to now, by the clock of its file system.
     fn touch(&self, path: &Path) -> io::Result<()>;
 }
@@ -96,6 +98,19 @@ impl Io for Disk {
         std::fs::read_dir(folder)?.map(|entry| Ok(entry?.file_name())).collect()
     }
 
+    #[cfg(target_os = "linux")]
+    fn has_our_clock(&self, path: &Path) -> bool {
+        /// ext2 to ext4, XFS, Btrfs, ZFS, F2FS, tmpfs, ramfs and overlays of them.
+        const LOCAL: [u32; 8] =
+            [0xef53, 0x5846_5342, 0x9123_683e, 0x2fc1_2fc1, 0xf2f5_2010, 0x0102_1994, 0x8584_58f6, 0x794c_7630];
+        rustix::fs::statfs(path).is_ok_and(|stat| LOCAL.contains(&(stat.f_type as u32)))
+    }
+
+    #[cfg(not(target_os = "linux"))]
+    fn has_our_clock(&self, _: &Path) -> bool {
+        false
+    }
+
     #[cfg(unix)]
     fn touch(&self, path: &Path) -> io::Result<()> {
         use rustix::fs::{AtFlags, CWD, Timespec, Timestamps, UTIME_NOW, utimensat};
@@ -142,6 +157,11 @@ pub(crate) fn persist<T>(mut operation: impl FnMut() -> io::Result<T>) -> io::Re
     }
 }
 
+/// Whether an error says that a file is not there: on a network, one that another machine removed may be open still.
+pub(crate) fn is_gone(error: &io::Error) -> bool {
+    matches!(error.kind(), ErrorKind::NotFound | ErrorKind::StaleNetworkFileHandle)
+}
+
 /// What there is at `path`.
 pub(crate) fn stat(io: &dyn Io, path: &Path) -> io::Result<Stat> {
     persist(|| io.stat(path))
@@ -173,7 +193,7 @@ pub(crate) fn digest(io: &dyn Io, path: &Path) -> io::Result<Digest> {
 /// Removes a file; that it is not there is as good.
 pub(crate) fn remove(io: &dyn Io, path: &Path) -> io::Result<()> {
     match persist(|| io.remove(path)) {
-        Err(error) if error.kind() == ErrorKind::NotFound => Ok(()),
+        Err(error) if is_gone(&error) => Ok(()),
         ended => ended,
     }
 }
@@ -264,7 +284,7 @@ fn is_running(_: u32) -> bool {
 }
 
 /// A number of this machine since it started, and of the container whose process numbers are ours; 0 if unknown.
-fn host() -> u64 {
+pub(crate) fn host() -> u64 {
     static HOST: OnceLock<u64> = OnceLock::new();
     *HOST.get_or_init(|| {
         let Ok(boot) = std::fs::read_to_string("/proc/sys/kernel/random/boot_id") else { return 0 };

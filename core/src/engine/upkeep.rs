@@ -133,10 +133,10 @@ impl DiskTier {
 
     /// Removes temporary files whose process has ended or that are old.
     fn sweep(&self, entries: &mut Vec<Entry>, work: &mut CacheWork) -> io::Result<()> {
-        if entries.iter().all(|entry| entry.name.is_some()) {
-            return Ok(());
-        }
-        let now = door::clock_of(&*self.io, &self.root)?;
+        // The clock is looked at where this would find what that leaves if it is killed.
+        let temporary = entries.iter().find(|entry| entry.name.is_none());
+        let Some(folder) = temporary.and_then(|temporary| temporary.path.parent()) else { return Ok(()) };
+        let now = door::clock_of(&*self.io, folder)?;
         let is_left = |entry: &Entry| {
             let name = entry.path.file_name().and_then(|name| name.to_str());
             let owner = name.and_then(Temporary::of).filter(|_| entry.name.is_none());
@@ -155,7 +155,8 @@ impl DiskTier {
                 for name in self.list(&folder)? {
                     let path = folder.join(&name);
                     let stat = match door::stat(&*self.io, &path) {
-                        Err(error) if error.kind() == ErrorKind::NotFound => continue,
+                        // Nor is a folder that somebody else made here.
+                        Err(error) if door::is_gone(&error) || error.kind() == ErrorKind::InvalidInput => continue,
                         stat => stat?,
                     };
                     let name = name.to_str().and_then(Digest::from_hex);
@@ -170,7 +171,7 @@ impl DiskTier {
     fn list(&self, folder: &Path) -> io::Result<Vec<std::ffi::OsString>> {
         match door::persist(|| self.io.list(folder)) {
             // A file among the folders is nobody's entry.
-            Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => Ok(Vec::new()),
+            Err(error) if door::is_gone(&error) || error.kind() == ErrorKind::NotADirectory => Ok(Vec::new()),
             listed => listed,
         }
     }
@@ -212,7 +213,7 @@ impl DiskTier {
             match self.is_whole(entry.table, name, &entry.path) {
                 Ok(true) => {}
                 Ok(false) => work.remove(self, entry)?,
-                Err(error) if error.kind() == ErrorKind::NotFound => {}
+                Err(error) if door::is_gone(&error) => {}
                 Err(error) => return Err(error),
             }
         }
