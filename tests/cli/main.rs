@@ -4,6 +4,8 @@ mod cache;
 mod codes;
 mod desk;
 mod dumps;
+mod existing;
+mod explain;
 mod frames;
 mod main_job;
 mod paths;
@@ -12,3 +14,5 @@ mod queries;
 mod report;
 #[cfg(unix)]
 mod signals;
+#[cfg(unix)]
+mod watch;

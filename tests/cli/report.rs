@@ -5,6 +5,7 @@ use serde_json::{Value as Json, json};
 use crate::desk::{Desk, executed, keys, pair, small_job, text};
 
 const PAIR: [&str; 10] = ["node", "type", "frame", "status", "from", "seconds", "bytes", "peak_bytes", "why", "stats"];
+const CACHE: [&str; 5] = ["hits", "misses", "damaged", "written_bytes", "evicted_bytes"];
 const WHY: [&str; 7] = ["code", "node", "param", "old", "new", "at", "text"];
 const FAULT: [&str; 8] = ["code", "node", "parameter", "frame", "file", "line", "column", "message"];
 
@@ -13,6 +14,7 @@ fn check_form(report: &Json) {
     assert_eq!(keys(report), all);
     assert_eq!(report["schema"], 1);
     assert!(report["seconds"].is_f64() && report["peak_bytes"].is_u64());
+    assert_eq!(keys(&report["cache"]), CACHE);
     let list = |name: &str| report[name].as_array().expect("a list").clone();
     for pair in list("nodes") {
         assert_eq!(keys(&pair), PAIR);
@@ -125,4 +127,35 @@ fn a_refused_run_is_reported() {
     let codes: Vec<&str> = report["faults"].as_array().expect("a list").iter().map(|f| text(&f["code"])).collect();
     assert!(codes.contains(&"unknown_node") && codes.contains(&"unknown_parameter"), "{codes:?}");
     assert_eq!((&report["nodes"], &report["frames"]), (&json!([]), &json!([1, 2, 3])));
+}
+
+#[test]
+fn what_was_had_of_the_cache_is_counted() {
+    let desk = small_job();
+    let counts = |line: &str| {
+        let report = desk.report(line);
+        check_form(&report);
+        CACHE.map(|name| report["cache"][name].as_u64().unwrap_or_else(|| panic!("{name} is no count")))
+    };
+    let [hits, misses, damaged, written, evicted] = counts("run job.ron");
+    assert_eq!((hits, damaged, evicted), (0, 0, 0));
+    assert!(misses >= 10 && written > 0, "a record is looked for and kept per node: {misses}, {written}");
+    let [hits, _, damaged, _, evicted] = counts("run job.ron");
+    assert!(hits >= 10, "{hits}");
+    assert_eq!((damaged, evicted), (0, 0));
+    assert_eq!(counts("run job.ron --no-cache"), [0; 5]);
+}
+
+#[test]
+fn pairs_tell_the_memory_they_took() {
+    let desk = small_job();
+    let report = desk.report("run job.ron");
+    for node in ["plate", "mask", "parts", "bend", "factor", "keep", "warped"] {
+        let pair = pair(&report, node);
+        assert!(pair["bytes"].as_u64() > Some(0) && pair["peak_bytes"].as_u64() >= pair["bytes"].as_u64(), "{pair}");
+    }
+    let factor = pair(&report, "factor");
+    assert!(factor["peak_bytes"].as_u64() > factor["bytes"].as_u64(), "a solver takes more than it gives: {factor}");
+    let again = desk.report("run job.ron");
+    assert!(again["nodes"].as_array().expect("a list").iter().all(|pair| pair["peak_bytes"] == 0), "{again}");
 }

@@ -9,6 +9,7 @@ mod io;
 mod key;
 mod memory;
 mod pairs;
+mod queue;
 mod report;
 mod resolve;
 mod run;

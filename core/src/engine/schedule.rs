@@ -6,7 +6,6 @@
 //! blocks on another: a pair that waits is parked and pushed again by whoever it waits for. Who gets memory stands in
 //! `share`, what is done with a pair in `run`.
 
-use std::collections::BinaryHeap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
@@ -15,6 +14,7 @@ use std::time::Duration;
 use super::explain::Trigger;
 use super::memory::Lease;
 use super::pairs::Pairs;
+use super::queue::{Ready, Task};
 use super::report::{From, Status};
 use super::resolve::Resolver;
 use super::store::{Kept, Record};
@@ -56,71 +56,6 @@ pub(crate) struct State {
     /// Values that are let go of as soon as the lock is free.
     pub(super) let_go: Vec<Arc<Kept>>,
     pub(super) footprints: super::share::Footprints,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Task {
-    /// Make the key and look it up.
-    Resolve(usize),
-    /// Find the values of a resolved pair.
-    Materialise(usize),
-    /// Read the values of a resolved pair from disk.
-    Load(usize),
-    /// Run the node; all its inputs' values are held.
-    Compute(usize),
-    /// Hand a target's values out.
-    Deliver(usize),
-}
-
-impl Task {
-    pub fn pair(self) -> usize {
-        match self {
-            Task::Resolve(at) | Task::Materialise(at) | Task::Load(at) | Task::Compute(at) | Task::Deliver(at) => at,
-        }
-    }
-
-    pub fn needs_memory(self) -> bool {
-        matches!(self, Task::Load(_) | Task::Compute(_) | Task::Deliver(_))
-    }
-}
-
-/// Tasks that can be done: those of the oldest frame first, and of these the newest, so that what was begun is
-/// finished before more is begun.
-#[derive(Default)]
-pub(super) struct Ready {
-    heap: BinaryHeap<(std::cmp::Reverse<usize>, u64, Queued)>,
-    count: u64,
-}
-
-#[derive(PartialEq, Eq)]
-struct Queued(Task);
-
-impl PartialOrd for Queued {
-    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
-        Some(self.cmp(other))
-    }
-}
-
-impl Ord for Queued {
-    fn cmp(&self, _: &Self) -> std::cmp::Ordering {
-        // Never asked: no two tasks have one number.
-        std::cmp::Ordering::Equal
-    }
-}
-
-impl Ready {
-    fn push(&mut self, frame: usize, task: Task) {
-        self.count += 1;
-        self.heap.push((std::cmp::Reverse(frame), self.count, Queued(task)));
-    }
-
-    pub fn pop(&mut self) -> Option<Task> {
-        self.heap.pop().map(|(_, _, Queued(task))| task)
-    }
-
-    fn is_empty(&self) -> bool {
-        self.heap.is_empty()
-    }
 }
 
 /// What is known of a pair so far.

@@ -8,8 +8,9 @@
 //! again are not any more, so whoever needs their room is refused.
 
 use super::memory::{Lease, Purpose};
+use super::queue::Task;
 use super::run::PairControl;
-use super::schedule::{State, Task, Worker};
+use super::schedule::{State, Worker};
 use crate::diag::{Code, Fault};
 use crate::node::{ErrorClass, NodeError};
 
