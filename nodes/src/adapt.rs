@@ -37,15 +37,21 @@ pub struct AtWork<'a> {
     refusal: Mutex<Option<NodeError>>,
 }
 
-impl<'a> AtWork<'a> {
-    pub fn new(cx: &'a Context) -> Self {
-        Self { cx, refusal: Mutex::default() }
-    }
+/// The node at work.
+pub fn watch<'a>(cx: &'a Context) -> AtWork<'a> {
+    AtWork { cx, refusal: Mutex::default() }
+}
 
+/// Why an algorithm was interrupted that asks for no memory.
+pub fn stopped(_: Interrupted) -> NodeError {
+    NodeError::new(ErrorClass::Cancelled, "stopped")
+}
+
+impl AtWork<'_> {
     /// Why the node interrupted an algorithm.
-    pub fn error(self, _: Interrupted) -> NodeError {
+    pub fn error(self, interrupted: Interrupted) -> NodeError {
         let refusal = self.refusal.into_inner().unwrap_or_else(PoisonError::into_inner);
-        refusal.unwrap_or_else(|| NodeError::new(ErrorClass::Cancelled, "stopped"))
+        refusal.unwrap_or_else(|| stopped(interrupted))
     }
 }
 
@@ -68,6 +74,6 @@ impl Watcher for AtWork<'_> {
 
 /// Runs an algorithm that tells how far it is, and may be interrupted.
 pub fn watched<T>(cx: &Context, run: impl FnOnce(Watch) -> Result<T, Interrupted>) -> Result<T, NodeError> {
-    let at_work = AtWork::new(cx);
+    let at_work = watch(cx);
     run(&at_work).map_err(|interrupted| at_work.error(interrupted))
 }

@@ -9,7 +9,7 @@ use warploom_algo::feature;
 use warploom_core::node::{Context, In, Node, NodeError, Output, Outputs};
 use warploom_core::value::{Factor, Grid, Hasher, Kind, Labels};
 
-use crate::adapt::{AtWork, lattice, view, watched};
+use crate::adapt::{lattice, view, watch, watched};
 
 /// Prepares the solver that keeps features in shape: the expensive part, which no change of the warp touches.
 ///
@@ -56,7 +56,7 @@ impl Node for FeatureFactor {
         });
         let system = watched(cx, |watch| feature::setup(&lattice, &cells, self.weight, self.radius, watch))?;
         let setup = start.elapsed();
-        let at_work = AtWork::new(cx);
+        let at_work = watch(cx);
         let factor = feature::factor(system, &at_work).map_err(|error| super::refusal(error, at_work))?;
         let factored = start.elapsed();
 

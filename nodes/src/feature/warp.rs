@@ -8,7 +8,7 @@ use warploom_algo::feature;
 use warploom_core::node::{Context, In, Node, NodeError, Output, Outputs};
 use warploom_core::value::{Direction, Factor, Kind, Warp};
 
-use crate::adapt::{AtWork, positions};
+use crate::adapt::{positions, watch};
 
 /// Makes a warp keep features in shape while the rest of the picture follows it (Gal, Sorkine, Cohen-Or 2006).
 ///
@@ -62,7 +62,7 @@ impl Node for FeatureWarp {
         cx.reserve(warp.grid.node_count() as u128 * BYTES_PER_NODE)?;
         let start = Instant::now();
         let input = positions(cx, &warp)?;
-        let at_work = AtWork::new(cx);
+        let at_work = watch(cx);
         let prepared = feature::rhs(solver, &input, mode, &at_work).map(|rhs| (rhs, start.elapsed()));
         let solved = prepared.and_then(|(rhs, prepared)| Ok((feature::solve(solver, &rhs, &at_work)?, prepared)));
         let (solved, prepared) = solved.map_err(|error| super::refusal(error, at_work))?;

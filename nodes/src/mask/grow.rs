@@ -5,7 +5,7 @@ use warploom_algo::mask;
 use warploom_core::node::{Context, In, Node, NodeError, Output, Outputs};
 use warploom_core::value::Mask;
 
-use crate::adapt::{view, view_mut, watched};
+use crate::adapt::{stopped, view, view_mut, watch};
 
 /// Grows a mask by a disc, or shrinks it.
 ///
@@ -27,7 +27,7 @@ impl Node for Grow {
     fn compute(&self, cx: &Context) -> Result<Outputs, NodeError> {
         let mask = cx.get(&self.mask);
         let grown = super::drawn(cx, mask.0.windows, |out| {
-            watched(cx, |watch| mask::grow(view(&mask.0.samples), self.by, view_mut(out), watch))
+            mask::grow(view(&mask.0.samples), self.by, view_mut(out), &watch(cx)).map_err(stopped)
         })?;
         Ok(grown.into())
     }

@@ -67,7 +67,7 @@ fn noise(seed: u32, x: usize, y: usize) -> f32 {
 static REGISTRY: LazyLock<Registry> = LazyLock::new(|| Registry::new(&[NODES, &[def::<Grain>("Grain")]].concat()));
 
 /// A node at work.
-#[derive(Clone)]
+#[derive(Clone, Debug)]
 pub struct Case {
     /// Its type and parameters.
     pub text: String,
@@ -89,9 +89,9 @@ pub fn cases() -> Vec<Case> {
         r#"Components(mask: "a.dots", connectivity: Four)"#,
         r#"Difference(a: "a.image", b: "b.image")"#,
         r#"DrawGrid(image: "a.image", warp: "wave", every: 1)"#,
-        r#"FeatureFactor(grid: "grid", features: "labels")"#,
+        r#"FeatureFactor(grid: "coarse", features: "labels")"#,
         r#"FeatureFactor(grid: "coarse", features: "labels", radius: 64.0)"#,
-        r#"FeatureWarp(warp: "wave", factor: "factor")"#,
+        r#"FeatureWarp(warp: "bent", factor: "factor")"#,
         r#"FrameHold(input: "a.image")"#,
         r#"Grow(mask: "a.dots", by: 12.5)"#,
         r#"Lattice(domain: "a.image", cell: 1.0)"#,
@@ -162,12 +162,13 @@ pub fn run(
     "labels": Components(mask: "a.discs"),
     "specks": Components(mask: "a.dots", connectivity: Four),
     "grid": Lattice(domain: "a.image", cell: 2.0),
-    "coarse": Lattice(domain: "a.image", cell: 5.0),
+    "coarse": Lattice(domain: "a.image", cell: 3.0),
     "pixels": Lattice(domain: "a.image", cell: 1.0),
     "wave": Wave(grid: "grid", amplitude: 6.0),
     "fine": Wave(grid: "pixels", amplitude: 6.0),
     "wild": Wave(grid: "grid", amplitude: 900.0, wavelength: 3.7, direction: 33.0),
-    "factor": FeatureFactor(grid: "grid", features: "labels"),
+    "bent": Wave(grid: "coarse", amplitude: 6.0),
+    "factor": FeatureFactor(grid: "coarse", features: "labels"),
     "it": {text},
 }})"#
     );

@@ -121,7 +121,9 @@ pub fn decode(bytes: &[u8], encoding: Encoding, host: &dyn Host) -> Result<Image
         _ => Err(unsupported("the file is of no format that can be read")
             .hint("EXR, PNG, JPEG, TIFF and Radiance HDR can be read")),
     }));
-    decoded.unwrap_or_else(|_| Err(unreadable("the file is damaged: its decoder broke down")))
+    let decoded = decoded.unwrap_or_else(|_| Err(unreadable("the file is damaged: its decoder broke down")));
+    // A decoder that was stopped takes it for a fault of the file.
+    decoded.map_err(|error| host.go_on().err().unwrap_or(error))
 }
 
 /// The bytes of a file of the format that `extension` (without the dot, in any case) names.

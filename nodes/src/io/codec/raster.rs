@@ -6,6 +6,7 @@ use image::codecs::hdr::{HdrDecoder, HdrEncoder};
 use image::codecs::jpeg::{JpegDecoder, JpegEncoder};
 use image::codecs::png::PngDecoder;
 use image::{DynamicImage, ImageBuffer, ImageDecoder, ImageError, Limits};
+use rayon::prelude::*;
 use warploom_core::node::{ErrorClass, NodeError};
 use warploom_core::value::{Image, SampleType};
 
@@ -58,9 +59,7 @@ fn read(decoder: impl ImageDecoder, host: &dyn Host) -> Result<Pixels, NodeError
     check_size(width.into(), height.into())?;
     host.reserve(decoder.total_bytes().into())?;
     let has_alpha = decoder.color_type().has_alpha();
-    let decoded = DynamicImage::from_decoder(decoder);
-    host.go_on()?;
-    let samples = match decoded.map_err(image_error)? {
+    let samples = match DynamicImage::from_decoder(decoder).map_err(image_error)? {
         DynamicImage::ImageLuma8(pixels) => Samples::U8(pixels.into_raw()),
         DynamicImage::ImageLumaA8(pixels) => Samples::U8(pixels.into_raw()),
         DynamicImage::ImageRgb8(pixels) => Samples::U8(pixels.into_raw()),
@@ -100,6 +99,9 @@ pub fn write_jpeg(image: &Image, options: &WriteOptions, host: &dyn Host) -> Res
     })
 }
 
+/// Samples between two looks at the host.
+const RUN: usize = 1 << 18;
+
 /// Just below the largest number that RGBE holds.
 const HDR_MAX: f32 = 1.0e38;
 
@@ -115,7 +117,10 @@ pub fn write_hdr(image: &Image, options: &WriteOptions, host: &dyn Host) -> Resu
     }
     if let Samples::F32(samples) = &mut pixels.samples {
         // The format's exponent ends below 2^127; it has no place for what is negative or no number.
-        samples.iter_mut().for_each(|sample| *sample = if *sample > 0.0 { sample.min(HDR_MAX) } else { 0.0 });
+        samples.par_chunks_mut(RUN).try_for_each(|run| {
+            run.iter_mut().for_each(|sample| *sample = if *sample > 0.0 { sample.min(HDR_MAX) } else { 0.0 });
+            host.go_on()
+        })?;
     }
     write(pixels, &rest(host), |image, out| image.write_with_encoder(HdrEncoder::new(out)))
 }

@@ -39,9 +39,7 @@ pub fn read(bytes: &[u8], host: &dyn Host) -> Result<Pixels, NodeError> {
     limits.intermediate_buffer_size = usize::try_from(scratch).unwrap_or(usize::MAX);
     let mut decoder = decoder.with_limits(limits);
     let mut result = DecodingResult::U8(Vec::new());
-    let read = decoder.read_image_to_buffer(&mut result);
-    host.go_on()?;
-    let read = read.map_err(tiff_error)?;
+    let read = decoder.read_image_to_buffer(&mut result).map_err(tiff_error)?;
     let planar = read.planes > 1;
     let samples = match result {
         DecodingResult::U8(samples) => Samples::U8(interleaved(samples, planar, count, host)?),
