@@ -80,7 +80,7 @@ fn outputs(args: &RunArgs, dumps: &[Dump], plan: &Plan) -> Result<Vec<Planned>, 
     if dumps.is_empty() && args.report.is_none() {
         return Ok(Vec::new());
     }
-    let mut taken: HashSet<String> = plan.files().map(|(_, path)| folded(&path)).collect();
+    let mut taken: HashSet<String> = plan.files().map(|(_, path)| folded(&path.to_string_lossy())).collect();
     taken.insert(folded(&plan.graph.to_string_lossy()));
     let planned = dump::plan(dumps, plan, &mut taken)?;
     let report = args.report.as_ref().and_then(|report| std::path::absolute(report).ok());
@@ -122,8 +122,7 @@ pub fn existing(existing: args::Existing) -> Existing {
 /// Shows faults found before anything ran, and reports them.
 fn refuse(args: &RunArgs, faults: Vec<Fault>) -> u8 {
     faults.iter().for_each(|fault| show(fault, false));
-    let plugin_missing = faults.iter().any(|fault| fault.code == Code::MissingPlugin);
-    let code = if plugin_missing { Code::MissingPlugin } else { Code::Usage };
+    let code = refusal(&faults);
     let report = Report {
         schema: 1,
         graph: std::path::absolute(&args.file.graph).unwrap_or_else(|_| args.file.graph.clone()),
@@ -137,7 +136,13 @@ fn refuse(args: &RunArgs, faults: Vec<Fault>) -> u8 {
         frames_delivered: 0,
         cancelled: false,
     };
-    if write_report(args.report.as_deref(), &report) { code.exit_code() } else { Code::OutputUnwritable.exit_code() }
+    if write_report(args.report.as_deref(), &report) { code } else { Code::OutputUnwritable.exit_code() }
+}
+
+/// The exit code of a graph that does not check.
+pub fn refusal(faults: &[Fault]) -> u8 {
+    let plugin_missing = faults.iter().any(|fault| fault.code == Code::MissingPlugin);
+    if plugin_missing { Code::MissingPlugin } else { Code::Usage }.exit_code()
 }
 
 /// What a signal stops.

@@ -77,7 +77,7 @@ fn render_until(args: &RunArgs, engine: &Engine, work: &Work, stop: &Stop, is_st
 }
 
 fn inputs(plan: &Plan) -> impl Iterator<Item = PathBuf> + '_ {
-    plan.files().filter(|(access, _)| *access == Access::Read).map(|(_, path)| path.into())
+    plan.files().filter(|(access, _)| *access == Access::Read).map(|(_, path)| path)
 }
 
 /// Files as they were when they were looked at.

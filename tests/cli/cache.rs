@@ -191,7 +191,7 @@ fn it_is_emptied() {
     desk.run("run job.ron --store all").expect(0);
     let ended = desk.run("cache clear").expect(0);
     assert!(ended.stdout.starts_with("removed "), "{}", ended.stdout);
-    assert_eq!(files_below(&desk.path("cache")), [PathBuf::new(); 0]);
+    assert_eq!(files_below(&desk.path("cache")).len(), 0);
     desk.run("cache clear").expect(0);
     desk.run("cache clear --cache nowhere").expect(0);
     assert_eq!(pairs(&desk.report("run job.ron"), "executed").len(), 10);

@@ -153,12 +153,13 @@ impl DiskTier {
         })
     }
 
-    pub(crate) fn save_bytes(&self, table: Table, name: &Digest, content: &[u8]) {
+    /// Whether it is written.
+    pub(crate) fn save_bytes(&self, table: Table, name: &Digest, content: &[u8]) -> bool {
         let checksum = seal(name, content);
         self.save(&self.path(table, name), content.len() as u64 + 32, &mut |out| {
             out.write_all(&checksum.0)?;
             out.write_all(content)
-        });
+        })
     }
 
     pub(crate) fn save_json(&self, table: Table, name: &Digest, content: &impl Serialize) {
@@ -186,15 +187,14 @@ impl DiskTier {
     }
 
     /// Writes; the first failure turns writing off for good and leaves one warning.
-    fn save(&self, path: &Path, bytes: u64, content: &mut dyn FnMut(&mut dyn io::Write) -> io::Result<()>) {
-        if !self.is_writable() {
-            return;
-        }
-        let Some(_room) = self.make_room(bytes) else { return };
-        match door::replace(&*self.io, path, Durable::No, content) {
+    fn save(&self, path: &Path, bytes: u64, content: &mut dyn FnMut(&mut dyn io::Write) -> io::Result<()>) -> bool {
+        let Some(_room) = self.is_writable().then(|| self.make_room(bytes)).flatten() else { return false };
+        let written = door::replace(&*self.io, path, Durable::No, content);
+        match &written {
             Ok(()) => _ = self.counters.written_bytes.fetch_add(bytes, Ordering::Relaxed),
-            Err(error) => self.cannot_write(&error),
+            Err(error) => self.cannot_write(error),
         }
+        written.is_ok()
     }
 
     /// Removes an entry, if it is still there.

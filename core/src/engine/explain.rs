@@ -104,10 +104,9 @@ impl Journal {
             let name = page_name(course.plan, frame);
             if let Some(disk) = disk {
                 let mut bytes = fingerprint.0.to_vec();
-                if serde_json::to_writer(&mut bytes, &*page.entries).is_ok() {
-                    disk.save_bytes(Table::Journal, &name, &bytes);
-                }
-                if frame.is_some() {
+                let is_written = serde_json::to_writer(&mut bytes, &*page.entries).is_ok()
+                    && disk.save_bytes(Table::Journal, &name, &bytes);
+                if is_written && frame.is_some() {
                     // There may be thousands of frames, and they can be read again.
                     page.entries = Arc::default();
                 }
@@ -202,19 +201,20 @@ fn reasons(course: &Course, drafts: &mut BTreeMap<Option<i64>, Draft>) -> Vec<Ch
                 }
                 Some(before) => own_change(course, at, before, &now, &changes)
                     .or_else(|| inherited(course.pairs, at, before, &now, &changes))
-                    .unwrap_or_else(|| rewired(plan, pair.node, before, &now)),
+                    .or_else(|| rewired(plan, pair.node, before, &now))
+                    .unwrap_or_else(|| otherwise(plan, pair.node, &now)),
             });
             if facts.record.is_some() {
                 Arc::make_mut(&mut page.entries).insert(node.id.to_string(), now);
             }
         }
+        if changes[at].is_none() && facts.outcome == Outcome::Ran && facts.trigger.is_none() {
+            let text = format!("the record of `{}` is gone from the cache", node.id);
+            changes[at] = Some(plain(plan, pair.node, None, Reason::Evicted, text));
+        }
         reasons[at] = match facts.outcome {
             Outcome::Stood => None,
-            Outcome::Ran => {
-                let text = format!("the record of `{}` is gone from the cache", node.id);
-                let reason = triggered(plan, pair.node, facts.trigger).or_else(|| changes[at].clone());
-                Some(reason.unwrap_or_else(|| plain(plan, pair.node, None, Reason::Evicted, text)))
-            }
+            Outcome::Ran => triggered(plan, pair.node, facts.trigger).or_else(|| changes[at].clone()),
             Outcome::Recomputed => {
                 let text = format!("the result of `{}` is known, but its bytes were not kept", node.id);
                 Some(plain(plan, pair.node, None, Reason::NotKept, text))
@@ -285,8 +285,25 @@ fn own_change(course: &Course, at: usize, before: &Entry, now: &Entry, changes: 
             return Some(Box::new(Why { old: Some(old), new: Some(new), ..*why }));
         }
     }
-    let ((path, new), (_, old)) = now.files.iter().zip(&before.files).find(|(new, old)| new.1 != old.1)?;
-    let param = read_param(node);
+    file_change(plan, index, before, now)
+}
+
+/// Another path, or another content there.
+fn file_change(plan: &Plan, index: usize, before: &Entry, now: &Entry) -> Change {
+    let param = read_param(&plan.nodes[index]);
+    let Some(((path, new), (old_path, old))) = now.files.iter().zip(&before.files).find(|(new, old)| new.1 != old.1)
+    else {
+        // A file that cannot be read has no content.
+        let (path, _) = before.files.first().filter(|_| now.files.is_empty())?;
+        let text = format!("{} cannot be read any more", path.display());
+        return Some(plain(plan, index, param, Reason::File, text));
+    };
+    if path != old_path {
+        let (old, new) = (old_path.display().to_string(), path.display().to_string());
+        let text = format!("`{}` of `{}` was {old} and is {new}", param.unwrap_or_default(), plan.nodes[index].id);
+        let why = plain(plan, index, param, Reason::Param, text);
+        return Some(Box::new(Why { old: Some(old.into()), new: Some(new.into()), ..*why }));
+    }
     let why = plain(plan, index, param, Reason::File, format!("{} has other content", path.display()));
     Some(Box::new(Why { old: Some(old.hex().into()), new: Some(new.hex().into()), ..*why }))
 }
@@ -308,14 +325,27 @@ fn inherited(pairs: &Pairs, at: usize, before: &Entry, now: &Entry, changes: &[C
 }
 
 /// Its ports are connected to something else.
-fn rewired(plan: &Plan, index: usize, before: &Entry, now: &Entry) -> Box<Why> {
-    let differs = |at: usize| before.inputs.get(at) != now.inputs.get(at);
-    let at = (0..before.inputs.len().max(now.inputs.len())).find(|&at| differs(at)).unwrap_or_default();
-    let source = |entry: &Entry| entry.inputs.get(at).map(|(_, source, _)| source.clone());
-    let port = now.inputs.get(at).or(before.inputs.get(at)).map(|(port, _, _)| port.as_str());
-    let text = format!("`{}` of `{}` is fed by something else", port.unwrap_or_default(), plan.nodes[index].id);
-    let why = plain(plan, index, port, Reason::Input, text);
-    Box::new(Why { old: source(before).map(Json::from), new: source(now).map(Json::from), ..*why })
+fn rewired(plan: &Plan, index: usize, before: &Entry, now: &Entry) -> Change {
+    let source =
+        |entry: &Entry, at: usize| entry.inputs.get(at).map(|(port, source, _)| (port.clone(), source.clone()));
+    let count = before.inputs.len().max(now.inputs.len());
+    let at = (0..count).find(|&at| source(before, at) != source(now, at))?;
+    let (old, new) = (source(before, at), source(now, at));
+    let port = new.as_ref().or(old.as_ref()).map(|(port, _)| port.clone()).unwrap_or_default();
+    let text = format!("`{port}` of `{}` is fed by something else", plan.nodes[index].id);
+    let why = plain(plan, index, Some(&port), Reason::Input, text);
+    let json = |source: Option<(String, String)>| source.map(|(_, source)| Json::from(source));
+    Some(Box::new(Why { old: json(old), new: json(new), ..*why }))
+}
+
+/// All that a person may change is as it was: the program is another, or an input's content for no known reason.
+fn otherwise(plan: &Plan, index: usize, now: &Entry) -> Box<Why> {
+    let id = &plan.nodes[index].id;
+    let (code, text) = match now.inputs.is_empty() {
+        true => (Reason::Version, format!("`{id}` is made otherwise by this program or on this processor")),
+        false => (Reason::Input, format!("an input of `{id}` has other content")),
+    };
+    plain(plan, index, None, code, text)
 }
 
 fn triggered(plan: &Plan, index: usize, trigger: Option<&Trigger>) -> Change {

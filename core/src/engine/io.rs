@@ -288,7 +288,7 @@ pub(crate) fn host() -> u64 {
     static HOST: OnceLock<u64> = OnceLock::new();
     *HOST.get_or_init(|| {
         let Ok(boot) = std::fs::read_to_string("/proc/sys/kernel/random/boot_id") else { return 0 };
-        let processes = std::fs::read_link("/proc/self/ns/pid").unwrap_or_default();
+        let Ok(processes) = std::fs::read_link("/proc/self/ns/pid") else { return 0 };
         let digest = Digest::of_bytes(format!("{boot}{}", processes.display()).as_bytes());
         let [a, b, c, d, e, f, g, h, ..] = digest.0;
         u64::from_le_bytes([a, b, c, d, e, f, g, h]).max(1)

@@ -290,7 +290,7 @@ impl Engine {
                 status: known.status.unwrap_or(Status::Skipped),
                 from: known.from,
                 seconds: known.seconds,
-                bytes: record.map_or(0, |record| record.outputs.iter().map(|outline| outline.bytes).sum()),
+                bytes: record.map_or(0, |record| record.value_bytes()),
                 peak_bytes: known.peak,
                 why: reasons[at].take(),
                 stats: record.map(|record| record.stats.clone()).unwrap_or_default(),
@@ -315,6 +315,12 @@ impl Engine {
             (frame, fault.node.as_ref().and_then(|id| plan.order.iter().position(|&node| *plan.nodes[node].id == **id)))
         };
         faults.sort_by_cached_key(place);
+        if faults.is_empty() && frames_delivered < pairs.frames.len() && !job.cancel.is_cancelled() {
+            let message = "the run ended before all frames were done, and nothing tells why";
+            faults.push(
+                Fault::new(Code::Panic, message).hint("this is a bug; please report it with the graph".to_owned()),
+            );
+        }
         Report {
             schema: 1,
             graph: plan.graph.clone(),

@@ -33,7 +33,7 @@ pub enum From {
     Memory,
     /// Its bytes were read from disk.
     Disk,
-    /// A sink's file still is what it wrote.
+    /// A sink's file still is what it wrote, or is to stand whatever it is.
     File,
     /// Only its digest was needed.
     Record,

@@ -1,8 +1,7 @@
 //! What workers do with a pair: resolve it, find its values, compute it, hand it out.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::Instant;
 
 use super::context::{Artifact, Context, Control};
@@ -20,11 +19,11 @@ use crate::schema::Access;
 use crate::value::{Digest, Given, Outline, Value};
 
 impl Worker<'_> {
-    pub(super) fn perform(&self, task: Task, lease: Option<Lease>) {
+    pub(super) fn perform(&self, task: Task, lease: Option<Arc<Lease>>) {
         match (task, lease) {
             (Task::Resolve(at), _) => self.resolve(at),
             (Task::Materialise(at), _) => self.materialise(at),
-            (Task::Load(at), Some(lease)) => self.load(at, &lease),
+            (Task::Load(at), Some(lease)) => self.load(at, lease),
             (Task::Compute(at), Some(lease)) => self.compute(at, lease),
             (Task::Deliver(at), Some(lease)) => self.deliver(at, lease),
             (task, None) => unreachable!("{task:?} came without a lease"),
@@ -112,6 +111,7 @@ impl Worker<'_> {
             let pair = &mut state.pairs[at];
             (pair.status, pair.from) = (Some(status), Some(From::File));
             pair.files_mut().standing = standing;
+            self.dismiss(state, at);
             self.close_target(state, at);
         }
     }
@@ -131,9 +131,16 @@ impl Worker<'_> {
         }
     }
 
-    fn load(&self, at: usize, lease: &Lease) {
+    fn load(&self, at: usize, lease: Arc<Lease>) {
         let record = self.shared.lock().pairs[at].record.clone().expect("only resolved pairs are loaded");
-        let load = |outline: &Outline| self.engine.store.value(outline, lease);
+        let control = PairControl::new(self, at, lease);
+        if let Err(error) = control.take(record.value_bytes().into(), Purpose::Planes) {
+            return match control.starved.into_inner() {
+                Some(_) => self.shared.lock().starved.push(Task::Load(at)),
+                None => self.fail(at, node_fault(error)),
+            };
+        }
+        let load = |outline: &Outline| self.engine.store.value(outline, &control.lease);
         let loaded: Option<Vec<_>> = self.engine.pool.install(|| record.outputs.iter().map(load).collect());
         match loaded {
             Some(values) => {
@@ -162,7 +169,7 @@ impl Worker<'_> {
         self.hold(&mut state, at, values);
     }
 
-    fn deliver(&self, at: usize, lease: Lease) {
+    fn deliver(&self, at: usize, lease: Arc<Lease>) {
         let values = {
             let mut state = self.shared.lock();
             let Some(values) = state.pairs[at].values.clone() else {
@@ -172,7 +179,7 @@ impl Worker<'_> {
             };
             values
         };
-        let control = PairControl { worker: self, at, lease, starved: AtomicBool::new(false) };
+        let control = PairControl::new(self, at, lease);
         let pair = &self.pairs.list[at];
         let values: Vec<Value> = values.iter().map(|kept| kept.value.clone()).collect();
         let delivery = super::Delivery {
@@ -186,10 +193,12 @@ impl Worker<'_> {
         };
         let delivered = self.engine.pool.install(|| (self.job.on_values)(delivery));
         let starved = control.starved.into_inner();
-        drop(control.lease);
         let mut state = self.shared.lock();
         match delivered {
-            Err(_) if starved => return state.push(Task::Deliver(at)),
+            Err(_) if let Some(needed) = starved => {
+                state.pairs[at].handing_out = needed;
+                return state.starved.push(Task::Deliver(at));
+            }
             Err(fault) if fault.code == Code::Cancelled && self.job.cancel.is_cancelled() => return,
             Err(fault) => {
                 self.add_fault(&mut state, at, fault);
@@ -216,7 +225,7 @@ impl Worker<'_> {
         slots.map(|(slot, from)| from.iter().map(|&from| given(slot, from)).collect()).collect()
     }
 
-    fn compute(&self, at: usize, lease: Lease) {
+    fn compute(&self, at: usize, lease: Arc<Lease>) {
         let (pair, node) = (&self.pairs.list[at], self.node(at));
         let params = match self.resolver(&self.shared.lock()).params(at) {
             Ok(params) => params,
@@ -231,7 +240,7 @@ impl Worker<'_> {
             self.engine.sweep(written.map(|(_, path)| path));
         }
         let files = self.shared.lock().pairs[at].files_read().to_vec();
-        let control = PairControl { worker: self, at, lease, starved: AtomicBool::new(false) };
+        let control = PairControl::new(self, at, lease);
         let context = Context {
             inputs: &inputs,
             request: &pair.request,
@@ -256,13 +265,13 @@ impl Worker<'_> {
         let artifacts = context.artifacts.into_inner().unwrap_or_else(PoisonError::into_inner);
         // What it was given is not held for longer than it computes.
         drop(inputs);
-        let starved = control.starved.load(Ordering::Relaxed);
-        self.learn(at, control.lease.asked());
+        let starved = control.starved.into_inner();
+        self.learn(at, starved.unwrap_or(0).max(control.lease.asked()));
         match computed {
             Ok(Ok((outputs, outlines, seconds))) => {
                 self.computed(at, outputs, outlines, artifacts, seconds, &control.lease);
             }
-            Ok(Err(_)) if starved => self.shared.lock().push(Task::Compute(at)),
+            Ok(Err(_)) if starved.is_some() => self.shared.lock().starved.push(Task::Compute(at)),
             Ok(Err(error)) => self.fail(at, node_fault(error)),
             Err(panic) => self.fail(at, self.panic_fault(at, panic)),
         }
@@ -362,16 +371,14 @@ fn node_fault(error: NodeError) -> Fault {
 pub(super) struct PairControl<'a> {
     pub worker: &'a Worker<'a>,
     pub at: usize,
-    pub lease: Lease,
-    /// Whether it was told to try again when there is memory.
-    pub starved: AtomicBool,
+    pub lease: Arc<Lease>,
+    /// The memory it must begin with next time, if it was told to try again when there is some.
+    pub starved: OnceLock<u64>,
 }
 
-impl PairControl<'_> {
-    /// Ends it for now; next time it begins with `needed` bytes in hand.
-    pub fn starve(&self, needed: u64) {
-        self.starved.store(true, Ordering::Relaxed);
-        self.worker.learn(self.at, needed);
+impl<'a> PairControl<'a> {
+    fn new(worker: &'a Worker<'a>, at: usize, lease: Arc<Lease>) -> Self {
+        Self { worker, at, lease, starved: OnceLock::new() }
     }
 }
 

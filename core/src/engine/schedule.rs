@@ -51,6 +51,8 @@ pub(crate) struct State {
     /// Frames admitted and not done.
     pub(super) open_frames: usize,
     stopped: bool,
+    /// Pairs resolved so far.
+    pub(super) resolved: usize,
     /// Keys whose work is given back as soon as the lock is free.
     pub(super) freed: Vec<Digest>,
     /// Values that are let go of as soon as the lock is free.
@@ -73,8 +75,10 @@ pub(crate) struct PairState {
     /// Pairs that may still want this one's values, once per edge.
     pub(super) holds: usize,
     pub(super) values: Option<Vec<Arc<Kept>>>,
-    /// How often they were let go of for want of memory.
-    pub(super) spills: u8,
+    /// How often they were let go of for want of memory since so many pairs were resolved.
+    pub(super) spilled: (usize, u8),
+    /// Memory that handing them out is known to need.
+    pub(super) handing_out: u64,
     /// Whether its values are being looked for.
     pub(super) materialising: bool,
     /// Whether its values are, or are about to be.
@@ -86,6 +90,8 @@ pub(crate) struct PairState {
     /// Its values cannot be had: whoever wants them fails.
     lost: bool,
     pub(super) done: bool,
+    /// Nobody will ask for it.
+    dismissed: bool,
     pub key: Option<Digest>,
     pub record: Option<Arc<Record>>,
     pub status: Option<Status>,
@@ -168,6 +174,7 @@ impl Shared {
             open_targets,
             open_frames: 0,
             stopped: false,
+            resolved: 0,
             freed: Vec::new(),
             let_go: Vec::new(),
             footprints: super::share::Footprints::new(plan.nodes.len(), pairs.frames.len()),
@@ -216,6 +223,11 @@ impl<'a> Worker<'a> {
                 state.stopped = true;
             }
             let task = if state.stopped { None } else { self.next(&mut state) };
+            if task.is_none() && !state.freed.is_empty() {
+                // Looking for a task may end some, and that may make others.
+                state = self.clear(state);
+                continue;
+            }
             match task {
                 Some((task, lease)) => {
                     state.running += 1;
@@ -246,22 +258,30 @@ impl<'a> Worker<'a> {
 
     /// Does a task, and what had to wait for the lock to be free.
     fn finish(&self, task: Task, lease: Option<Lease>) -> MutexGuard<'_, State> {
-        if let Err(panic) = catch_unwind(AssertUnwindSafe(|| self.perform(task, lease))) {
+        // It ends after what the task let go of, so that whoever is alone then has all the room there is.
+        let lease = lease.map(Arc::new);
+        if let Err(panic) = catch_unwind(AssertUnwindSafe(|| self.perform(task, lease.clone()))) {
             self.fail(task.pair(), self.panic_fault(task.pair(), panic));
         }
-        let mut state = self.shared.lock();
-        let (freed, let_go) = (std::mem::take(&mut state.freed), std::mem::take(&mut state.let_go));
-        if !freed.is_empty() || !let_go.is_empty() {
-            // Not under the lock: the first wakes pairs of this run and of others, the second takes time.
+        let mut state = self.clear(self.shared.lock());
+        drop(lease);
+        state.running -= 1;
+        if task.needs_memory() {
+            self.feed(&mut state);
+        }
+        state
+    }
+
+    /// Gives back keys and lets go of values. Not under the lock: the first wakes pairs of this run and of others, the
+    /// second takes time.
+    fn clear<'s>(&'s self, mut state: MutexGuard<'s, State>) -> MutexGuard<'s, State> {
+        while !state.freed.is_empty() || !state.let_go.is_empty() {
+            let (freed, let_go) = (std::mem::take(&mut state.freed), std::mem::take(&mut state.let_go));
             drop(state);
             freed.iter().for_each(|key| self.engine.store.end_work(key));
             drop(let_go);
             self.engine.store.settle();
             state = self.shared.lock();
-        }
-        state.running -= 1;
-        if task.needs_memory() {
-            self.feed(&mut state);
         }
         state
     }
@@ -270,6 +290,7 @@ impl<'a> Worker<'a> {
     fn admit(&self, state: &mut State) {
         while state.admitted < self.pairs.frames.len()
             && (self.job.keep_going || state.faults.is_empty())
+            && !self.job.cancel.is_cancelled()
             && self.has_room_for_a_frame(state)
         {
             let frame = state.admitted;
@@ -346,6 +367,7 @@ impl<'a> Worker<'a> {
     /// Tells consumers that the pair's outlines are known; those that wait for nothing else become resolvable.
     pub(super) fn publish(&self, state: &mut State, at: usize, record: Arc<Record>, resolvable: &mut Vec<usize>) {
         state.pairs[at].record = Some(record);
+        state.resolved += 1;
         for &consumer in self.pairs.consumers(at) {
             let waiting = &mut state.pairs[consumer];
             waiting.unresolved -= 1;
@@ -469,6 +491,22 @@ impl<'a> Worker<'a> {
         }
     }
 
+    /// A target is not run: what nobody else needs of what it needs is not held for it.
+    pub(super) fn dismiss(&self, state: &mut State, target: usize) {
+        let mut stack = vec![target];
+        while let Some(at) = stack.pop() {
+            for &input in self.pairs.inputs(at) {
+                self.release(state, input);
+                let pair = &mut state.pairs[input];
+                let is_idle = pair.holds == 0 && !pair.admitted && !pair.done && !pair.dismissed;
+                if is_idle && !self.pairs.frame_of_target.contains_key(&input) {
+                    pair.dismissed = true;
+                    stack.push(input);
+                }
+            }
+        }
+    }
+
     pub(super) fn add_fault(&self, state: &mut State, at: usize, mut fault: Fault) {
         let (pair, node) = (&self.pairs.list[at], self.node(at));
         fault.node.get_or_insert_with(|| node.id.to_string());
@@ -529,8 +567,13 @@ impl<'a> Worker<'a> {
     pub fn abandon(engine: &Engine, shared: &Shared) {
         let keys: Vec<Digest> = {
             let mut state = shared.lock();
+            // Somebody who waits for another run may keep this one's state for long.
+            (0..state.pairs.len()).for_each(|at| state.drop_values(at));
+            state.let_go.clear();
             let abandoned = |pair: &mut PairState| pair.key.filter(|_| std::mem::take(&mut pair.working));
-            state.pairs.iter_mut().filter_map(abandoned).collect()
+            let mut keys: Vec<Digest> = state.pairs.iter_mut().filter_map(abandoned).collect();
+            keys.append(&mut state.freed);
+            keys
         };
         keys.iter().for_each(|key| engine.store.end_work(key));
     }

@@ -5,7 +5,7 @@
 //! and starts again later, with what it asked for taken in advance. What is alone and still has no room has the values
 //! held for others let go of, which are found or computed again; only if that is not enough is it refused. The oldest
 //! frame comes first, so one task can always go on, and nothing waits for ever: values that were let go of again and
-//! again are not any more, so whoever needs their room is refused.
+//! again while nothing came of it are not any more, so whoever needs their room is refused.
 
 use super::memory::{Lease, Purpose};
 use super::queue::Task;
@@ -14,7 +14,8 @@ use super::schedule::{State, Worker};
 use crate::diag::{Code, Fault};
 use crate::node::{ErrorClass, NodeError};
 
-/// How often a pair's values are let go of for others before that is taken for going round in circles.
+/// How often a pair's values are let go of for others, while no pair is resolved, before that is taken for going round
+/// in circles.
 const MOST_SPILLS: u8 = 8;
 
 /// What pairs and frames take, as far as this run has seen.
@@ -84,10 +85,8 @@ impl Worker<'_> {
         let at = task.pair();
         let bytes = match task {
             Task::Compute(at) => state.footprints.asked[self.pairs.list[at].node],
-            Task::Load(at) => {
-                let record = state.pairs[at].record.as_ref();
-                record.map_or(0, |record| record.outputs.iter().map(|outline| outline.bytes).sum())
-            }
+            Task::Load(at) => state.pairs[at].record.as_ref().map_or(0, |record| record.value_bytes()),
+            Task::Deliver(at) => state.pairs[at].handing_out,
             _ => 0,
         };
         let is_alone = store.memory.leases() == 0;
@@ -116,13 +115,19 @@ impl Worker<'_> {
     /// Lets go of all values that are held for others than `at`, to disk where there is one. Whether there were any.
     fn spill(&self, state: &mut State, at: usize) -> bool {
         let needed = self.needed(at);
-        let mut spilled = false;
+        // What is on its way out is as good as let go of.
+        let mut spilled = !state.let_go.is_empty();
         for other in (0..state.pairs.len()).filter(|other| *other != at && needed.binary_search(other).is_err()) {
+            let resolved = state.resolved;
             let pair = &mut state.pairs[other];
-            if pair.values.is_none() || pair.spills == MOST_SPILLS {
+            if pair.values.is_none() {
                 continue;
             }
-            pair.spills += 1;
+            let spills = if pair.spilled.0 == resolved { pair.spilled.1 } else { 0 };
+            if spills == MOST_SPILLS {
+                continue;
+            }
+            pair.spilled = (resolved, spills + 1);
             let outlines = pair.record.iter().flat_map(|record| &record.outputs);
             outlines
                 .zip(pair.values.iter().flatten())
@@ -146,7 +151,9 @@ impl Worker<'_> {
     /// The fault of a pair whose inputs alone are more than there is room for.
     pub(super) fn beyond_all_room(&self, state: &State, inputs: &[usize]) -> Option<Fault> {
         let room = self.engine.store.memory.room();
-        let outlines = inputs.iter().filter_map(|&input| state.pairs[input].record.as_ref());
+        // Those that are held have their room; they may share planes with each other.
+        let missing = inputs.iter().filter(|&&input| state.pairs[input].values.is_none());
+        let outlines = missing.filter_map(|&input| state.pairs[input].record.as_ref());
         let mut parts: Vec<_> =
             outlines.flat_map(|record| &record.outputs).map(|outline| (outline.digest, outline.bytes)).collect();
         parts.sort_unstable();
@@ -180,14 +187,16 @@ impl PairControl<'_> {
             return Err(self.refused(total));
         };
         loop {
+            // Before it looks for room: another may end meanwhile and leave some.
+            let is_alone = store.memory.leases() == 1;
             if self.lease.grow(more, purpose) {
                 return Ok(());
             }
             if store.make_room(more) {
                 continue;
             }
-            if store.memory.leases() > 1 {
-                self.starve(total as u64);
+            if !is_alone {
+                self.starved.get_or_init(|| total as u64);
                 return Err(NodeError::new(ErrorClass::Cancelled, "it starts again when there is memory"));
             }
             if !self.worker.spill(&mut self.worker.shared.lock(), self.at) {

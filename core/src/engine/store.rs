@@ -22,6 +22,11 @@ pub(crate) struct Record {
 }
 
 impl Record {
+    /// Memory that its values take.
+    pub fn value_bytes(&self) -> u64 {
+        self.outputs.iter().map(|outline| outline.bytes).sum()
+    }
+
     /// Memory it takes, roughly.
     fn bytes(&self) -> u64 {
         let channels: usize = self.outputs.iter().map(|outline| outline.channels.len()).sum();
@@ -224,7 +229,8 @@ impl Store {
             if self.memory.used().saturating_add(spare) <= self.memory.room() {
                 break;
             }
-            self.level.store(credit.to_bits(), Ordering::Relaxed);
+            // Numbers that are not negative rise with their bits.
+            self.level.fetch_max(credit.to_bits(), Ordering::Relaxed);
             // Somebody may hold it by now; then it stays alive with its charge, and out of the table.
             drop(self.values.remove(&digest));
         }

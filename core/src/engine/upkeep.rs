@@ -95,6 +95,10 @@ impl DiskTier {
     /// Room for `bytes` more, made by removing what was not used for longest; none if there is none to be had.
     pub(super) fn make_room(&self, bytes: u64) -> Option<Room<'_>> {
         let bytes = bytes.next_multiple_of(BLOCK);
+        if bytes > self.budget / 2 {
+            // It would drive out too much else.
+            return None;
+        }
         let mut usage = self.usage.lock().unwrap_or_else(PoisonError::into_inner);
         if bytes > usage.allowance {
             let wanted = bytes.saturating_add(usage.in_flight);
@@ -118,8 +122,13 @@ impl DiskTier {
         if work.left_bytes.saturating_add(wanted) <= limit {
             return Ok(work);
         }
-        // Values first: without them a result is still known. Then what was used least lately.
         entries.retain(|entry| entry.name.is_some());
+        let removable: u64 = entries.iter().map(|entry| entry.bytes).sum();
+        if work.left_bytes.saturating_add(wanted) - removable > limit {
+            // It would not fit in an empty tier either.
+            return Ok(work);
+        }
+        // Values first, those used least lately first: without them a result is still known. The rest by age.
         entries.sort_by_key(|entry| (entry.table != Table::Values, entry.modified));
         for entry in entries {
             if work.left_bytes.saturating_add(wanted) <= target {

@@ -147,16 +147,11 @@ impl Plan {
         if self.nodes[node].is_static { request.at(None) } else { request.clone() }
     }
 
-    /// Every file that the targets' nodes read or write, over all frames.
-    pub fn files(&self) -> impl Iterator<Item = (Access, String)> + '_ {
-        let folder = self.graph.parent().unwrap_or(Path::new(""));
-        self.order.iter().flat_map(move |&node| {
-            let params = &self.nodes[node].params;
-            let paths =
-                params.paths.iter().filter_map(|(name, access)| Some((*access, params.json.get(name)?.as_str()?)));
-            paths.flat_map(move |(access, path)| {
-                let files = frames::paths_over(frames::split_folder(path, folder), &self.frames);
-                files.map(move |file| (access, file))
+    /// Every file that a run reads or writes.
+    pub fn files(&self) -> impl Iterator<Item = (Access, PathBuf)> + '_ {
+        self.pairs().list.iter().flat_map(move |pair| {
+            [Access::Read, Access::Write].into_iter().flat_map(move |access| {
+                self.files_at(pair.node, pair.request.frame, access).map(move |(_, path)| (access, path))
             })
         })
     }

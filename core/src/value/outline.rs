@@ -97,10 +97,11 @@ impl Reads {
         }
     }
 
-    /// A port of any kind but an image reads a mask, field or label map whole.
+    /// Only images have channels, and only what has pixels has windows; of other kinds all is read.
     pub fn for_kind(self, kind: Kind) -> Self {
         match self {
             Reads::Channels(_) if kind != Kind::Image => Reads::All,
+            Reads::Windows if !matches!(kind, Kind::Image | Kind::Mask | Kind::Field | Kind::Labels) => Reads::All,
             reads => reads,
         }
     }

@@ -27,9 +27,11 @@ impl Node for Load {
 
     fn compute(&self, cx: &Context) -> Result<Outputs, NodeError> {
         let bytes = cx.read(&self.path)?;
-        let image = codec::decode(&bytes, self.encoding, &AtWork(cx)).map_err(|error| {
+        let image = codec::decode(&bytes, self.encoding, &AtWork(cx)).or_else(|error| {
+            // A decoder that was stopped takes that for a damaged file.
+            cx.go_on()?;
             let message = format!("{}: {}", self.path.path().display(), error.message);
-            NodeError { message, ..error }.at("path")
+            Err(NodeError { message, ..error }.at("path"))
         })?;
         Ok(image.into())
     }
