@@ -146,6 +146,15 @@ impl Lease {
         true
     }
 
+    /// Takes more, room or no room.
+    pub fn grow_anyway(&self, bytes: u64) {
+        let mut account = self.account();
+        account.asked += bytes;
+        let more = account.asked.saturating_sub(account.held);
+        account.held += more;
+        self.memory.used.fetch_add(more, Ordering::Relaxed);
+    }
+
     /// Bytes the node asked for so far.
     pub fn asked(&self) -> u64 {
         self.account().asked

@@ -53,6 +53,9 @@ impl Footprints {
     }
 }
 
+/// A few numbers are nothing to wait for, let alone to refuse a run for.
+const PETTY: u64 = 1 << 16;
+
 impl Worker<'_> {
     /// The next task, with the lease it needs.
     pub(super) fn next(&self, state: &mut State) -> Option<(Task, Option<Lease>)> {
@@ -159,8 +162,7 @@ impl Worker<'_> {
         parts.sort_unstable();
         parts.dedup();
         let bytes: u64 = parts.iter().map(|(_, bytes)| bytes).sum();
-        // A few numbers are nothing to refuse a run for.
-        if bytes <= room.max(1 << 16) {
+        if bytes <= room.max(PETTY) {
             return None;
         }
         let message = format!("its inputs take {}, more than {}", megabytes(bytes), budget(room));
@@ -183,6 +185,10 @@ impl PairControl<'_> {
     pub(super) fn take(&self, bytes: u128, purpose: Purpose) -> Result<(), NodeError> {
         let store = &self.worker.engine.store;
         let total = bytes + u128::from(self.lease.asked());
+        if total <= u128::from(PETTY) {
+            self.lease.grow_anyway(bytes as u64);
+            return Ok(());
+        }
         let Some(more) = u64::try_from(bytes).ok().filter(|_| total <= u128::from(store.memory.room())) else {
             return Err(self.refused(total));
         };

@@ -124,10 +124,13 @@ impl DiskTier {
         }
         entries.retain(|entry| entry.name.is_some());
         let removable: u64 = entries.iter().map(|entry| entry.bytes).sum();
-        if work.left_bytes.saturating_add(wanted) - removable > limit {
-            // It would not fit in an empty tier either.
+        let least = work.left_bytes.saturating_add(wanted) - removable;
+        if least > self.budget {
+            // It would not fit if there were no entry at all.
             return Ok(work);
         }
+        // Of what others are writing nothing can go: that must not drive all entries out.
+        let target = target.max(least + (self.budget - least) / 2);
         // Values first, those used least lately first: without them a result is still known. The rest by age.
         entries.sort_by_key(|entry| (entry.table != Table::Values, entry.modified));
         for entry in entries {
