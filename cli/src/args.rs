@@ -228,7 +228,7 @@ fn cache_bytes(text: &str) -> Result<u64, String> {
 
 /// A count of bytes with an optional K, M, G or T, powers of 1024.
 fn bytes(text: &str, least: &str, min: f64) -> Result<u64, String> {
-    let allowed = || format!("`{text}` is no size; write 8G, 500M or a count of bytes, at least {least}");
+    let allowed = || format!("`{text}` is no size that will do; write 8G, 500M or a count of bytes, at least {least}");
     let (digits, unit) = match text.char_indices().last() {
         Some((at, c)) if c.is_ascii_alphabetic() => (&text[..at], c.to_ascii_uppercase()),
         _ => (text, 'B'),

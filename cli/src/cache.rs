@@ -24,6 +24,10 @@ pub fn cache(args: &CacheArgs) -> u8 {
         show(&Fault::new(Code::Usage, "there is no cache folder").hint(hint), false);
         return Code::Usage.exit_code();
     };
+    if folder.exists() && !folder.is_dir() {
+        show(&Fault::new(Code::OutputUnwritable, format!("{} is no folder", folder.display())), false);
+        return Code::OutputUnwritable.exit_code();
+    }
     let tier = DiskTier::new(&folder, Arc::new(Disk), place.cache_size.unwrap_or(DEFAULT_CACHE_SIZE));
     match work(&args.work, &tier) {
         Ok(code) => code,
@@ -68,7 +72,7 @@ fn tell(stat: &CacheStat) {
 
 /// Bytes for people, in powers of 1024 as the flags take them.
 fn size(bytes: u64) -> String {
-    let units = ["B", "K", "M", "G"];
+    let units = ["B", "K", "M", "G", "T"];
     let unit = (0..units.len() - 1).find(|&unit| bytes < 1024u64.pow(unit as u32 + 1)).unwrap_or(units.len() - 1);
     match unit {
         0 => format!("{bytes} B"),

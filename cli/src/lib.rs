@@ -22,6 +22,7 @@ use args::{Command, Line};
 
 /// Runs the command line of this process.
 pub fn main() -> ExitCode {
+    warploom_core::value::give_back_freed_memory();
     let line = Line::parse();
     let registry = Registry::new(warploom_nodes::NODES);
     // What panics here was printed already; the code says whose bug it is.

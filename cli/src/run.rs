@@ -96,11 +96,15 @@ fn outputs(args: &RunArgs, dumps: &[Dump], plan: &Plan) -> Result<Vec<Planned>, 
 /// An engine as the command line asks for it.
 pub fn engine(args: &EngineArgs) -> Engine {
     let defaults = Settings::default();
+    let cache = if args.no_cache { None } else { folder(&args.cache) };
+    if cache.is_none() && !args.no_cache {
+        note("warning: there is no folder for the cache; name one with --cache, or set WARPLOOM_CACHE");
+    }
     Engine::new(Settings {
         threads: args.threads.map_or(defaults.threads, usize::from),
         // What the process takes without any picture comes off.
         memory: args.memory.unwrap_or(defaults.memory).saturating_sub(resident_bytes()),
-        cache: if args.no_cache { None } else { folder(&args.cache) },
+        cache,
         cache_size: args.cache.cache_size.unwrap_or(DEFAULT_CACHE_SIZE),
         store: match args.store {
             Store::Auto => StorePolicy::Auto,

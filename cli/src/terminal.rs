@@ -9,14 +9,21 @@ use warploom_core::engine::plain;
 
 static OUTPUT_LOST: AtomicBool = AtomicBool::new(false);
 
+static OUTPUT_CLOSED: AtomicBool = AtomicBool::new(false);
+
+/// Whether whoever read standard output has gone.
+pub fn output_is_closed() -> bool {
+    OUTPUT_CLOSED.load(Ordering::Relaxed)
+}
+
 /// Writes a line to standard output, at once.
 pub fn say(line: &str) {
     let mut out = std::io::stdout().lock();
-    if let Err(error) = writeln!(out, "{line}").and_then(|()| out.flush())
+    let Err(error) = writeln!(out, "{line}").and_then(|()| out.flush()) else { return };
+    if error.kind() == ErrorKind::BrokenPipe {
         // Where nobody reads any more there is nobody to tell.
-        && error.kind() != ErrorKind::BrokenPipe
-        && !OUTPUT_LOST.swap(true, Ordering::Relaxed)
-    {
+        OUTPUT_CLOSED.store(true, Ordering::Relaxed);
+    } else if !OUTPUT_LOST.swap(true, Ordering::Relaxed) {
         let message = format!("standard output cannot be written: {}", plain(&error));
         show(&Fault::new(Code::OutputUnwritable, message), false);
     }

@@ -11,7 +11,7 @@ use warploom_core::schema::Access;
 
 use crate::args::RunArgs;
 use crate::run::{Stop, Work, engine, prepare, render};
-use crate::terminal::note;
+use crate::terminal::{note, output_is_closed};
 
 /// How often files are looked at. Network file systems tell of no changes, so nothing better works everywhere.
 const PAUSE: Duration = Duration::from_millis(100);
@@ -41,7 +41,12 @@ pub fn watch(args: &RunArgs, registry: &Registry, stop: &Stop) -> u8 {
             if let Some(work) = good.as_ref().filter(|_| is_due) {
                 render_until(args, &engine, work, stop, &is_stale);
             }
-            note("watching; an interrupt ends it");
+            if output_is_closed() {
+                return 0;
+            }
+            if !stop.is_signalled() {
+                note("watching; an interrupt ends it");
+            }
             while !stop.is_signalled() && !is_stale() {
                 std::thread::sleep(PAUSE);
             }

@@ -186,7 +186,9 @@ fn a_broken_graph_is_2() {
     let ended = desk.run("explain bad.ron").says(2, &["bad.ron:2:6", "Checker"]);
     assert_eq!(ended.stdout, "");
     desk.run("explain none.ron").says(2, &["none.ron does not exist"]);
-    desk.run("explain bad.ron --format json").says(2, &["bad.ron:2:6"]);
+    let ended = desk.run("explain bad.ron --format json").expect(2);
+    let json: Json = serde_json::from_str(&ended.stdout).expect("JSON");
+    assert_eq!((&json["nodes"], &json["faults"][0]["line"]), (&serde_json::json!([]), &serde_json::json!(2)));
 }
 
 #[test]

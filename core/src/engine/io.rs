@@ -295,13 +295,20 @@ pub(crate) fn host() -> u64 {
     })
 }
 
-/// Removes temporary files that processes of this machine left in `folder` when they were killed.
+/// A temporary file that nobody is known to have left is taken for one after a day.
+pub(crate) const STALE: i128 = 24 * 3600 * 1_000_000_000;
+
+/// Removes temporary files that killed processes left in `folder`.
 pub(crate) fn sweep(io: &dyn Io, folder: &Path) {
     // What cannot be listed or removed is no worse than before.
-    for name in persist(|| io.list(folder)).unwrap_or_default() {
-        if name.to_str().and_then(Temporary::of).is_some_and(|temporary| temporary.is_orphan()) {
-            let _ = remove(io, &folder.join(name));
-        }
+    let names = persist(|| io.list(folder)).unwrap_or_default().into_iter();
+    let temporary = names.filter_map(|name| Some((folder.join(&name), Temporary::of(name.to_str()?)?)));
+    let (orphans, others): (Vec<_>, Vec<_>) = temporary.partition(|(_, temporary)| temporary.is_orphan());
+    let now = if others.is_empty() { None } else { clock_of(io, folder).ok() };
+    let is_stale = |path: &PathBuf| Some(now? - stat(io, path).ok()?.modified > STALE);
+    let stale = others.into_iter().filter(|(path, _)| is_stale(path) == Some(true));
+    for (path, _) in orphans.into_iter().chain(stale) {
+        let _ = remove(io, &path);
     }
 }
 

@@ -429,7 +429,7 @@ impl<'a> Worker<'a> {
     /// Arranges for the pair to compute once all its inputs' values are held.
     pub(super) fn gather(&self, state: &mut State, at: usize) {
         let mut inputs = self.needed(at);
-        if let Some(fault) = self.beyond_all_room(state, &inputs) {
+        if let Some(fault) = self.beyond_all_room(state, at, &inputs) {
             return self.fail_under(state, at, fault);
         }
         inputs.retain(|&input| state.pairs[input].values.is_none());

@@ -152,7 +152,7 @@ impl Worker<'_> {
     }
 
     /// The fault of a pair whose inputs alone are more than there is room for.
-    pub(super) fn beyond_all_room(&self, state: &State, inputs: &[usize]) -> Option<Fault> {
+    pub(super) fn beyond_all_room(&self, state: &State, at: usize, inputs: &[usize]) -> Option<Fault> {
         let room = self.engine.store.memory.room();
         // Those that are held have their room; they may share planes with each other.
         let missing = inputs.iter().filter(|&&input| state.pairs[input].values.is_none());
@@ -165,7 +165,8 @@ impl Worker<'_> {
         if bytes <= room.max(PETTY) {
             return None;
         }
-        let message = format!("its inputs take {}, more than {}", megabytes(bytes), budget(room));
+        let id = &self.node(at).id;
+        let message = format!("the inputs of `{id}` take {}, more than {}", megabytes(bytes), budget(room));
         Some(Fault::new(Code::OverBudget, message).hint(HINT.to_owned()))
     }
 }
@@ -176,8 +177,9 @@ fn budget(room: u64) -> String {
     format!("the {} that the memory budget leaves", megabytes(room))
 }
 
+/// As the flag takes it: M is 1024 squared.
 fn megabytes(bytes: impl Into<u128>) -> String {
-    format!("{:.1} MB", bytes.into() as f64 / 1e6)
+    format!("{:.1}M", bytes.into() as f64 / f64::from(1 << 20))
 }
 
 impl PairControl<'_> {
@@ -218,11 +220,16 @@ impl PairControl<'_> {
             let held = worker.needed(self.at).into_iter().filter_map(|input| state.pairs[input].values.as_ref());
             held.flatten().map(|kept| kept.value.bytes()).sum()
         };
-        let needs = match inputs {
-            0 => format!("needs {}", megabytes(total)),
-            _ => format!("needs {} beside the {} of its inputs", megabytes(total), megabytes(inputs)),
-        };
-        let message = format!("{needs}, more than {}", budget(worker.engine.store.memory.room()));
+        let memory = &worker.engine.store.memory;
+        let others = memory.used().saturating_sub(inputs).saturating_sub(self.lease.asked());
+        let mut needs = format!("`{}` needs {}", worker.node(self.at).id, megabytes(total));
+        if inputs > 0 {
+            needs += &format!(" beside the {} of its inputs", megabytes(inputs));
+        }
+        if others > PETTY {
+            needs += &format!(" and {} that others hold", megabytes(others));
+        }
+        let message = format!("{needs}, more than {}", budget(memory.room()));
         NodeError::new(ErrorClass::OverBudget, message).hint(HINT)
     }
 }

@@ -15,9 +15,6 @@ use crate::value::Digest;
 /// After looking, this part of the budget may be written before looking again.
 const PART: u64 = 64;
 
-/// A temporary file that nobody is known to have left is taken for one after a day.
-const STALE: i128 = 24 * 3600 * 1_000_000_000;
-
 /// Files take whole blocks.
 const BLOCK: u64 = 4096;
 
@@ -152,7 +149,7 @@ impl DiskTier {
         let is_left = |entry: &Entry| {
             let name = entry.path.file_name().and_then(|name| name.to_str());
             let owner = name.and_then(Temporary::of).filter(|_| entry.name.is_none());
-            owner.is_some_and(|owner| owner.is_orphan() || now - entry.modified > STALE)
+            owner.is_some_and(|owner| owner.is_orphan() || now - entry.modified > door::STALE)
         };
         entries.extract_if(.., |entry| is_left(entry)).try_for_each(|entry| work.remove(self, &entry))
     }

@@ -3,6 +3,7 @@
 mod buffer;
 mod codec;
 mod digest;
+mod heap;
 mod image;
 mod outline;
 mod raster;
@@ -15,6 +16,7 @@ pub use buffer::{Buffer, BufferMut, Companion, Sample, Storage};
 pub(crate) use buffer::{cut_shelf, shelf_bytes};
 pub use codec::{decode, encode};
 pub use digest::{Digest, Hasher};
+pub use heap::give_back_freed_memory;
 pub use image::{Attribute, Channel, Image, Layer, Metadata, Plane, Rect, SampleType, Windows};
 pub use outline::{Given, Outline, Reads};
 pub use raster::{Component, Field, Labels, Mask, Raster};

