@@ -38,6 +38,8 @@ pub(crate) struct State {
     pub(super) ready: Ready,
     /// Tasks that wait for memory.
     pub(super) starved: Vec<Task>,
+    /// The pair for which values of others were let go of: only what serves it gets memory.
+    pub(super) focus: Option<usize>,
     /// Tasks at work.
     running: usize,
     /// Workers that found nothing to do.
@@ -71,7 +73,7 @@ pub(crate) struct PairState {
     /// Inputs whose values it waits for.
     pub(super) awaited: usize,
     /// Pairs that wait for this one's values.
-    waiters: Vec<usize>,
+    pub(super) waiters: Vec<usize>,
     /// Pairs that may still want this one's values, once per edge.
     pub(super) holds: usize,
     pub(super) values: Option<Vec<Arc<Kept>>>,
@@ -115,6 +117,11 @@ pub(crate) struct PairFiles {
 }
 
 impl PairState {
+    /// Whether it is being computed, or its values are being found or handed out.
+    pub(super) fn is_busy(&self) -> bool {
+        self.working || self.recompute || self.materialising || self.handed_out && !self.done
+    }
+
     pub fn files_mut(&mut self) -> &mut PairFiles {
         self.files.get_or_insert_default()
     }
@@ -167,6 +174,7 @@ impl Shared {
             faults: Vec::new(),
             ready: Ready::default(),
             starved: Vec::new(),
+            focus: None,
             running: 0,
             sleeping: 0,
             parked: 0,
@@ -244,6 +252,10 @@ impl<'a> Worker<'a> {
                     let pause = Duration::from_millis(20);
                     state = self.shared.wake.wait_timeout(state, pause).unwrap_or_else(PoisonError::into_inner).0;
                     state.sleeping -= 1;
+                    if state.running == 0 {
+                        // Whoever comes first would have gone on by now.
+                        state.focus = None;
+                    }
                     self.feed(&mut state);
                 }
             }

@@ -3,14 +3,15 @@
 //! A task that needs memory takes a lease. If there is no room, values that nobody holds are let go of; if that is not
 //! enough it waits until another lease ends. A node that asks for more than there is while others are at work ends
 //! and starts again later, with what it asked for taken in advance. What is alone and still has no room has the values
-//! held for others let go of, which are found or computed again; only if that is not enough is it refused. The oldest
+//! held for others let go of, which are found or computed again; only if that is not enough is it refused. Then whoever
+//! it was done for comes first until it is done, or two could take each other's inputs away for ever. The oldest
 //! frame comes first, so one task can always go on, and nothing waits for ever: values that were let go of again and
 //! again while nothing came of it are not any more, so whoever needs their room is refused.
 
 use super::memory::{Lease, Purpose};
 use super::queue::Task;
 use super::run::PairControl;
-use super::schedule::{State, Worker};
+use super::schedule::{PairState, State, Worker};
 use crate::diag::{Code, Fault};
 use crate::node::{ErrorClass, NodeError};
 
@@ -53,12 +54,36 @@ impl Footprints {
     }
 }
 
+/// The pair that is waited for in the end by whoever waits for `at`.
+fn served(pairs: &[PairState], mut at: usize) -> usize {
+    while let Some(&waiter) = pairs[at].waiters.first() {
+        at = waiter;
+    }
+    at
+}
+
+/// Whether `at` is waited for by `focus`, or is it.
+fn serves(state: &State, at: usize, focus: usize) -> bool {
+    let mut stack = vec![at];
+    while let Some(at) = stack.pop() {
+        if at == focus {
+            return true;
+        }
+        stack.extend(&state.pairs[at].waiters);
+    }
+    false
+}
+
 /// A few numbers are nothing to wait for, let alone to refuse a run for.
 const PETTY: u64 = 1 << 16;
 
 impl Worker<'_> {
     /// The next task, with the lease it needs.
     pub(super) fn next(&self, state: &mut State) -> Option<(Task, Option<Lease>)> {
+        if state.focus.is_some_and(|focus| !state.pairs[focus].is_busy()) {
+            state.focus = None;
+            self.feed(state);
+        }
         while let Some(task) = state.ready.pop() {
             if !task.needs_memory() {
                 return Some((task, None));
@@ -72,9 +97,11 @@ impl Worker<'_> {
                 continue;
             }
             let is_older = |other: &Task| state.pairs[other.pair()].frame < state.pairs[at].frame;
-            if !state.starved.iter().any(is_older)
-                && let Some(lease) = self.lease(state, task)
-            {
+            let is_its_turn = match state.focus {
+                Some(focus) => serves(state, at, focus),
+                None => !state.starved.iter().any(is_older),
+            };
+            if is_its_turn && let Some(lease) = self.lease(state, task) {
                 return Some((task, Some(lease)));
             }
             state.starved.push(task);
@@ -117,6 +144,7 @@ impl Worker<'_> {
 
     /// Lets go of all values that are held for others than `at`, to disk where there is one. Whether there were any.
     fn spill(&self, state: &mut State, at: usize) -> bool {
+        state.focus.get_or_insert_with(|| served(&state.pairs, at));
         let needed = self.needed(at);
         // What is on its way out is as good as let go of.
         let mut spilled = !state.let_go.is_empty();
