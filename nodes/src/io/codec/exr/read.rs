@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use exr::compression::Compression;
 use half::f16;
 use half::slice::HalfFloatSliceExt;
 use rayon::prelude::*;
@@ -13,8 +14,16 @@ use super::super::{plane_bytes, unreadable};
 use super::blocks::Blocks;
 use super::header::{self, Part};
 
-/// Bytes taken per byte of a block while it is unpacked: the copy, the result, and the decoder's own.
-const UNPACK_FACTOR: u128 = 4;
+/// Bytes taken while a block is unpacked: the copy, the result, and the decoder's own.
+fn unpack_bytes(part: &Part, blocks: &Blocks) -> usize {
+    match part.compression {
+        Compression::DWAA(_) | Compression::DWAB(_) => {
+            let samples = blocks.size[0] * blocks.size[1].min(blocks.picture[1]) * part.channels.len();
+            6 * samples + blocks.max_bytes() * 3 / 2
+        }
+        _ => 4 * blocks.max_bytes(),
+    }
+}
 
 /// Reads all parts, at full resolution.
 ///
@@ -33,7 +42,8 @@ pub fn read(bytes: &[u8], host: &dyn Host) -> Result<Image, NodeError> {
         };
         let table = entries.checked_mul(8).and_then(|size| bytes.get(table_at..)?.get(..size)).ok_or_else(ends)?;
         table_at += table.len();
-        let scratch = (blocks.max_bytes() as u128) * UNPACK_FACTOR * rayon::current_num_threads() as u128;
+        let in_work = blocks.count[1].min(rayon::current_num_threads());
+        let scratch = unpack_bytes(part, &blocks) as u128 * in_work as u128;
         let planes = part.channels.len() as u128 * plane_bytes(part.data.width(), part.data.height());
         host.reserve(planes + scratch)?;
         tables.push((headers.is_multi_part.then_some(number), blocks, table));

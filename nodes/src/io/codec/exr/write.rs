@@ -16,6 +16,9 @@ use super::super::{Compression, Depth, MAX_SIDE, WriteOptions};
 use super::blocks::Blocks;
 use super::header::{self, ATTRIBUTE, COMPRESSION, ChannelHeader, Part};
 
+/// Bytes of blocks that are packed side by side, if that is more than a block for each thread.
+const BATCH_BYTES: usize = 4 << 20;
+
 /// Bytes before a block: the number of its part, its row and its size.
 const BLOCK_HEAD: usize = 12;
 
@@ -100,18 +103,15 @@ impl<'a> Source<'a> {
         Ok(Self { part, planes, blocks })
     }
 
-    /// The packed bytes of all blocks; `done` counts those of all parts, `total` of them.
-    fn pack_all(&self, total: usize, done: &AtomicUsize, host: &dyn Host) -> Result<Vec<Vec<u8>>, NodeError> {
-        let pack = |row: usize| {
-            host.progress(done.fetch_add(1, Ordering::Relaxed) as f64 / total as f64)?;
-            let mut packed = self.pack(row)?;
-            packed.shrink_to_fit();
-            host.reserve((packed.len() + size_of::<Vec<u8>>()) as u128)?;
-            Ok(packed)
-        };
-        let packed: Vec<Result<Vec<u8>, NodeError>> = (0..self.blocks.count[1]).into_par_iter().map(pack).collect();
-        // The first error from the top, whichever thread met one first.
-        packed.into_iter().collect()
+    /// Blocks that are packed side by side before they are put in the file.
+    fn batch(&self) -> usize {
+        rayon::current_num_threads().max(BATCH_BYTES / self.blocks.max_bytes()).min(self.blocks.count[1])
+    }
+
+    /// Bytes taken at the peak of packing: by blocks in work, and by those of the batch that are packed.
+    fn scratch(&self) -> usize {
+        let in_work = rayon::current_num_threads().min(self.batch());
+        (in_work * pack_factor(self.part.compression) + self.batch() - in_work) * self.blocks.max_bytes()
     }
 
     /// The packed bytes of a block of rows.
@@ -173,48 +173,50 @@ fn packing(compression: Compression, metadata: &Metadata) -> Packing {
 /// Bytes taken per byte of a block while it is packed: its samples and the encoder's own.
 fn pack_factor(compression: Packing) -> usize {
     match compression {
+        Packing::PIZ => 8,
         Packing::DWAA(_) | Packing::DWAB(_) => 6,
         _ => 4,
     }
 }
 
-/// Headers, tables of offsets, blocks.
+/// Headers, tables of offsets, blocks. No block becomes larger when it is packed.
 fn assemble(sources: &[Source], host: &dyn Host) -> Result<Vec<u8>, NodeError> {
-    let scratch = |source: &Source| {
-        let at_work = source.blocks.count[1].min(rayon::current_num_threads());
-        at_work * source.blocks.max_bytes() * pack_factor(source.part.compression)
-    };
-    let scratch = sources.iter().map(scratch).max().unwrap_or(0) as u128;
-    host.reserve(scratch)?;
-    let total: usize = sources.iter().map(|source| source.blocks.count[1]).sum();
-    let done = AtomicUsize::new(0);
-    let packed = sources.iter().map(|source| source.pack_all(total, &done, host)).collect::<Result<Vec<_>, _>>()?;
-
-    let counts: Vec<usize> = packed.iter().map(Vec::len).collect();
+    let counts: Vec<usize> = sources.iter().map(|source| source.blocks.count[1]).collect();
     let parts: Vec<&Part> = sources.iter().map(|source| &source.part).collect();
     let mut file = header::write(&parts, &counts)?;
-    let blocks: usize = packed.iter().flatten().map(|block| block.len() + BLOCK_HEAD).sum();
-    let size = file.len() + 8 * total + blocks;
-    // What was scratch is free again.
-    host.reserve((size as u128).saturating_sub(scratch))?;
-    file.reserve_exact(size - file.len());
+    let total: usize = counts.iter().sum();
+    let size: usize = sources.iter().map(|s| s.part.data.height() * s.blocks.max_bytes() / s.blocks.size[1]).sum();
+    let room = size + total * (8 + BLOCK_HEAD);
+    host.reserve((room + sources.iter().map(Source::scratch).max().unwrap_or(0)) as u128)?;
+    file.reserve_exact(room);
     let mut table_at = file.len();
     file.resize(table_at + 8 * total, 0);
-    for (number, (source, blocks)) in sources.iter().zip(packed).enumerate() {
-        for (row, packed) in blocks.into_iter().enumerate() {
-            host.go_on()?;
-            let offset = file.len() as u64;
-            file[table_at..][..8].copy_from_slice(&offset.to_le_bytes());
-            table_at += 8;
-            if sources.len() > 1 {
-                file.extend_from_slice(&(number as i32).to_le_bytes());
+    let done = AtomicUsize::new(0);
+    for (number, source) in sources.iter().enumerate() {
+        let pack = |&row: &usize| {
+            host.progress(done.fetch_add(1, Ordering::Relaxed) as f64 / total as f64)?;
+            let mut packed = source.pack(row)?;
+            // Some encoders leave much more room than they fill.
+            packed.shrink_to(source.blocks.max_bytes());
+            Ok(packed)
+        };
+        let rows: Vec<usize> = (0..source.blocks.count[1]).collect();
+        for batch in rows.chunks(source.batch()) {
+            let packed: Vec<Result<Vec<u8>, NodeError>> = batch.par_iter().map(pack).collect();
+            for (&row, packed) in batch.iter().zip(packed) {
+                let (packed, offset) = (packed?, file.len() as u64);
+                file[table_at..][..8].copy_from_slice(&offset.to_le_bytes());
+                table_at += 8;
+                if sources.len() > 1 {
+                    file.extend_from_slice(&(number as i32).to_le_bytes());
+                }
+                let y = source.part.data.y0 + source.blocks.rectangle(0, row)[1] as i32;
+                file.extend_from_slice(&y.to_le_bytes());
+                let size = i32::try_from(packed.len())
+                    .map_err(|_| NodeError::refused("a block passes 2 GiB").hint("use another compression"))?;
+                file.extend_from_slice(&size.to_le_bytes());
+                file.extend_from_slice(&packed);
             }
-            let y = source.part.data.y0 + source.blocks.rectangle(0, row)[1] as i32;
-            file.extend_from_slice(&y.to_le_bytes());
-            let size = i32::try_from(packed.len())
-                .map_err(|_| NodeError::refused("a block passes 2 GiB").hint("use another compression"))?;
-            file.extend_from_slice(&size.to_le_bytes());
-            file.extend_from_slice(&packed);
         }
     }
     Ok(file)
