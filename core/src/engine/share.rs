@@ -254,7 +254,8 @@ impl PairControl<'_> {
         if inputs > 0 {
             needs += &format!(" beside the {} of its inputs", megabytes(inputs));
         }
-        if others > PETTY {
+        // Where it would not fit alone it matters not what others hold.
+        if others > PETTY && total + u128::from(inputs) <= u128::from(memory.room()) {
             needs += &format!(" and {} that others hold", megabytes(others));
         }
         let message = format!("{needs}, more than {}", budget(memory.room()));

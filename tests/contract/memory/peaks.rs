@@ -23,6 +23,7 @@ impl Observer for Peak {
     fn event(&self, event: Event<'_>) {
         match event {
             Event::Started { node: "it", .. } => {
+                clear_shelf();
                 HEAP.reset_peak_usage();
                 self.before.store(HEAP.current_usage(), Ordering::Relaxed);
             }
@@ -35,7 +36,8 @@ impl Observer for Peak {
     }
 }
 
-/// Planes that are recycled are not seen: takes the place of all that are kept.
+/// Planes that are recycled are not seen, nor are those that others are given back for: takes the place of all that
+/// are kept.
 fn clear_shelf() {
     drop(BufferMut::<f32>::zeroed(1 << 14, 9000));
 }
@@ -46,7 +48,6 @@ fn measure(case: &Case, threads: usize, size: [u32; 2]) -> (usize, usize) {
     if let Some(before) = &case.before {
         let report = run(&folder, &engine, before, size, &(), Cancel::default());
         assert!(report.faults.is_empty(), "{before}: {:#?}", report.faults);
-        clear_shelf();
     }
     let report = run(&folder, &engine, &case.text, size, &peak, Cancel::default());
     let pair = report.nodes.iter().find(|pair| &*pair.node == "it").expect("it is in the graph");
