@@ -197,7 +197,7 @@ fn reasons(course: &Course, drafts: &mut BTreeMap<Option<i64>, Draft>) -> Vec<Ch
             changes[at] = Some(match before {
                 None => {
                     let text = format!("`{}` runs here for the first time", node.id);
-                    plain(plan, pair.node, None, Reason::FirstRun, text)
+                    reason_at(plan, pair.node, None, Reason::FirstRun, text)
                 }
                 Some(before) => own_change(course, at, before, &now, &changes)
                     .or_else(|| inherited(course.pairs, at, before, &now, &changes))
@@ -210,14 +210,14 @@ fn reasons(course: &Course, drafts: &mut BTreeMap<Option<i64>, Draft>) -> Vec<Ch
         }
         if changes[at].is_none() && facts.outcome == Outcome::Ran && facts.trigger.is_none() {
             let text = format!("the record of `{}` is gone from the cache", node.id);
-            changes[at] = Some(plain(plan, pair.node, None, Reason::Evicted, text));
+            changes[at] = Some(reason_at(plan, pair.node, None, Reason::Evicted, text));
         }
         reasons[at] = match facts.outcome {
             Outcome::Stood => None,
             Outcome::Ran => triggered(plan, pair.node, facts.trigger).or_else(|| changes[at].clone()),
             Outcome::Recomputed => {
                 let text = format!("the result of `{}` is known, but its bytes were not kept", node.id);
-                Some(plain(plan, pair.node, None, Reason::NotKept, text))
+                Some(reason_at(plan, pair.node, None, Reason::NotKept, text))
             }
         };
     }
@@ -255,7 +255,7 @@ fn entry(course: &Course, at: usize, facts: &Facts) -> Entry {
 }
 
 /// A reason at a node, or at one of its parameters.
-pub(crate) fn plain(plan: &Plan, index: usize, param: Option<&str>, code: Reason, text: String) -> Box<Why> {
+fn reason_at(plan: &Plan, index: usize, param: Option<&str>, code: Reason, text: String) -> Box<Why> {
     let node = &plan.nodes[index];
     let at = Some(plan.place(index, param).to_string());
     Box::new(Why { param: param.map(str::to_owned), code, node: node.id.to_string(), old: None, new: None, at, text })
@@ -269,7 +269,7 @@ fn own_change(course: &Course, at: usize, before: &Entry, now: &Entry, changes: 
         let describe = |entry: &Entry| format!("{} {}", entry.node_type, entry.version);
         let (old, new) = (describe(before), describe(now));
         let text = format!("`{}` was of type {old} and is of type {new}", node.id);
-        let why = plain(plan, index, None, Reason::Version, text);
+        let why = reason_at(plan, index, None, Reason::Version, text);
         return Some(Box::new(Why { old: Some(old.into()), new: Some(new.into()), ..*why }));
     }
     // A linked parameter's change is that of the node it is linked to.
@@ -281,7 +281,7 @@ fn own_change(course: &Course, at: usize, before: &Entry, now: &Entry, changes: 
         if old != new && !by_content {
             let (old, new) = (old.cloned().unwrap_or_default(), new.cloned().unwrap_or_default());
             let text = format!("`{}` of `{}` was {old} and is {new}", param.name, node.id);
-            let why = plain(plan, index, Some(&param.name), Reason::Param, text);
+            let why = reason_at(plan, index, Some(&param.name), Reason::Param, text);
             return Some(Box::new(Why { old: Some(old), new: Some(new), ..*why }));
         }
     }
@@ -296,15 +296,15 @@ fn file_change(plan: &Plan, index: usize, before: &Entry, now: &Entry) -> Change
         // A file that cannot be read has no content.
         let (path, _) = before.files.first().filter(|_| now.files.is_empty())?;
         let text = format!("{} cannot be read any more", path.display());
-        return Some(plain(plan, index, param, Reason::File, text));
+        return Some(reason_at(plan, index, param, Reason::File, text));
     };
     if path != old_path {
         let (old, new) = (old_path.display().to_string(), path.display().to_string());
         let text = format!("`{}` of `{}` was {old} and is {new}", param.unwrap_or_default(), plan.nodes[index].id);
-        let why = plain(plan, index, param, Reason::Param, text);
+        let why = reason_at(plan, index, param, Reason::Param, text);
         return Some(Box::new(Why { old: Some(old.into()), new: Some(new.into()), ..*why }));
     }
-    let why = plain(plan, index, param, Reason::File, format!("{} has other content", path.display()));
+    let why = reason_at(plan, index, param, Reason::File, format!("{} has other content", path.display()));
     Some(Box::new(Why { old: Some(old.hex().into()), new: Some(new.hex().into()), ..*why }))
 }
 
@@ -333,7 +333,7 @@ fn rewired(plan: &Plan, index: usize, before: &Entry, now: &Entry) -> Change {
     let (old, new) = (source(before, at), source(now, at));
     let port = new.as_ref().or(old.as_ref()).map(|(port, _)| port.clone()).unwrap_or_default();
     let text = format!("`{port}` of `{}` is fed by something else", plan.nodes[index].id);
-    let why = plain(plan, index, Some(&port), Reason::Input, text);
+    let why = reason_at(plan, index, Some(&port), Reason::Input, text);
     let json = |source: Option<(String, String)>| source.map(|(_, source)| Json::from(source));
     Some(Box::new(Why { old: json(old), new: json(new), ..*why }))
 }
@@ -345,7 +345,7 @@ fn otherwise(plan: &Plan, index: usize, now: &Entry) -> Box<Why> {
         true => (Reason::Version, format!("`{id}` is made otherwise by this program or on this processor")),
         false => (Reason::Input, format!("an input of `{id}` has other content")),
     };
-    plain(plan, index, None, code, text)
+    reason_at(plan, index, None, code, text)
 }
 
 fn triggered(plan: &Plan, index: usize, trigger: Option<&Trigger>) -> Change {
@@ -355,5 +355,5 @@ fn triggered(plan: &Plan, index: usize, trigger: Option<&Trigger>) -> Change {
             (Reason::OutputChanged, format!("{} is no longer what `{}` wrote", path.display(), plan.nodes[index].id))
         }
     };
-    Some(plain(plan, index, None, code, text))
+    Some(reason_at(plan, index, None, code, text))
 }

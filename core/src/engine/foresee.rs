@@ -168,7 +168,7 @@ impl Engine {
         let record = |at: usize| known(at).expect("all inputs are known");
         let key = Resolver { plan, pairs, record }.key(at, &files, &mut Vec::new())?;
         let node_type = &plan.nodes[pair.node].node_type;
-        let known = self.store.record(&key).filter(|record| record.outputs.len() == node_type.outputs.len());
+        let known = self.store.record(&key).filter(|record| record.fits(node_type));
         let trigger = known.as_ref().and_then(|record| self.changed(&record.artifacts));
         let stands = known.is_some() && trigger.is_none();
         let from = if node_type.sink { From::File } else { From::Record };

@@ -2,6 +2,7 @@
 
 use serde_json::Value as Json;
 
+use super::resolve::Params;
 use crate::graph::plan::PlanNode;
 use crate::node::Request;
 use crate::schema::{Access, Shape};
@@ -9,8 +10,6 @@ use crate::value::{Digest, Hasher};
 
 /// Raised when keys are made differently: old records are then not found.
 const FORMAT: i128 = 2;
-
-type Params = serde_json::Map<String, Json>;
 
 /// Digest of what a node is without its inputs: type, version, parameters, and which ports are connected. Names and
 /// order of nodes, comments and thread counts do not enter.

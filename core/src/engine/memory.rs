@@ -180,15 +180,19 @@ impl Drop for Lease {
 /// Three quarters of the memory that this process may use: the machine's, or that of a container around it if less.
 pub(crate) fn default_room() -> u64 {
     let meminfo = std::fs::read_to_string("/proc/meminfo").unwrap_or_default();
-    let machine = (meminfo.lines().find_map(|line| line.strip_prefix("MemTotal:")))
-        .and_then(|line| line.trim().trim_end_matches("kB").trim().parse::<u64>().ok())
-        .map_or(8 << 30, |kilobytes| kilobytes * 1024);
+    let machine = kernel_bytes(&meminfo, "MemTotal:").unwrap_or(8 << 30);
     let groups = std::fs::read_to_string("/proc/self/cgroup").unwrap_or_default();
     group_files(&groups)
         .filter_map(|path| std::fs::read_to_string(path).ok()?.trim().parse::<u64>().ok())
         .fold(machine, u64::min)
         / 4
         * 3
+}
+
+/// The size after `name` in a text of lines such as `VmRSS:  1024 kB`.
+pub(crate) fn kernel_bytes(text: &str, name: &str) -> Option<u64> {
+    let size = text.lines().find_map(|line| line.strip_prefix(name))?;
+    Some(size.trim().trim_end_matches("kB").trim().parse::<u64>().ok()? * 1024)
 }
 
 /// Files that may hold a limit, for each control group in the text of `/proc/self/cgroup` and all those around it.

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use serde::Serialize;
 
 use super::disk::CacheCounts;
+use super::memory::kernel_bytes;
 use crate::diag::Fault;
 use crate::value::Digest;
 
@@ -166,6 +167,5 @@ pub fn peak_bytes() -> u64 {
 
 fn status_bytes(name: &str) -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
-    let line = status.lines().find_map(|line| line.strip_prefix(name));
-    line.and_then(|line| line.trim().trim_end_matches("kB").trim().parse::<u64>().ok()).unwrap_or(0) * 1024
+    kernel_bytes(&status, name).unwrap_or(0)
 }

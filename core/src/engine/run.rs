@@ -5,7 +5,6 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::Instant;
 
 use super::context::{Artifact, Context, Control};
-use super::explain::Trigger;
 use super::memory::{Lease, Purpose};
 use super::queue::Task;
 use super::report::{From, Status};
@@ -36,7 +35,7 @@ impl Worker<'_> {
             Err(fault) => return self.fail(at, fault),
         };
         let trigger = match self.known(at, &key) {
-            Some(record) => match self.artifacts_changed(&record) {
+            Some(record) => match self.engine.changed(&record.artifacts) {
                 None => return self.resolved(at, record),
                 trigger => trigger,
             },
@@ -49,7 +48,7 @@ impl Worker<'_> {
         }
         self.shared.lock().parked -= 1;
         // Somebody may have finished it since it was looked up.
-        if let Some(record) = self.known(at, &key).filter(|record| self.artifacts_changed(record).is_none()) {
+        if let Some(record) = self.known(at, &key).filter(|record| self.engine.changed(&record.artifacts).is_none()) {
             self.engine.store.end_work(&key);
             return self.resolved(at, record);
         }
@@ -63,7 +62,7 @@ impl Worker<'_> {
     }
 
     fn known(&self, at: usize, key: &Digest) -> Option<Arc<Record>> {
-        self.fitting(at, self.engine.store.record(key)?)
+        self.engine.store.record(key).filter(|record| record.fits(&self.node(at).node_type))
     }
 
     /// The key; files are looked at, and their digests kept.
@@ -80,11 +79,6 @@ impl Worker<'_> {
             pair.files_mut().read = files;
         }
         Ok(key)
-    }
-
-    /// Whether a sink's files are no longer what it wrote.
-    fn artifacts_changed(&self, record: &Record) -> Option<Trigger> {
-        self.engine.changed(&record.artifacts)
     }
 
     /// The pair's result was known.

@@ -352,12 +352,7 @@ impl<'a> Worker<'a> {
         }
         let key = self.resolver(state).key(at, &[], scratch).ok()?;
         state.pairs[at].key = Some(key);
-        self.fitting(at, self.engine.store.record_at_hand(&key)?)
-    }
-
-    /// The record, if it can be this node's.
-    pub(super) fn fitting(&self, at: usize, record: Arc<Record>) -> Option<Arc<Record>> {
-        (record.outputs.len() == self.node(at).node_type.outputs.len()).then_some(record)
+        self.engine.store.record_at_hand(&key).filter(|record| record.fits(&node.node_type))
     }
 
     /// The pair's result was known.

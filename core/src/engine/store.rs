@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 use super::context::Artifact;
 use super::disk::{DiskTier, Table};
 use super::memory::{Charge, Lease, Memory, Note};
+use crate::registry::NodeType;
 use crate::value::{Digest, Outline, Value, cut_shelf, shelf_bytes};
 
 /// What is kept of an executed action.
@@ -22,6 +23,11 @@ pub(crate) struct Record {
 }
 
 impl Record {
+    /// Whether it can be of a node of that type.
+    pub fn fits(&self, node_type: &NodeType) -> bool {
+        self.outputs.len() == node_type.outputs.len()
+    }
+
     /// Memory that its values take.
     pub fn value_bytes(&self) -> u64 {
         self.outputs.iter().map(|outline| outline.bytes).sum()

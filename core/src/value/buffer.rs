@@ -250,7 +250,7 @@ impl Shelf {
             return None;
         };
         shelf.len -= len;
-        Some(shelf.heaps.swap_remove(at))
+        Some(shelf.heaps.remove(at))
     }
 
     fn put(heap: Vec<Line>) {

@@ -98,7 +98,8 @@ fn write_rows<T: Sample>(out: &mut dyn Write, buffer: &Buffer<T>) -> io::Result<
 }
 
 /// The value that [`encode`] wrote, from a file of `size` bytes; `None` if the bytes are anything else. The caller
-/// compares the value's digest with the one it asked for. Nothing larger than the file is allocated.
+/// compares the value's digest with the one it asked for. Nothing larger than the file is allocated, but for
+/// the padding of rows.
 pub fn decode(input: &mut dyn Read, size: u64) -> io::Result<Option<Value>> {
     match read_value(&mut Blocks { input, left: size }) {
         Ok(value) => Ok(Some(value)),

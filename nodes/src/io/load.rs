@@ -4,7 +4,7 @@ use smart_default::SmartDefault;
 use warploom_core::node::{Context, Node, NodeError, Output, Outputs, ReadPath};
 use warploom_core::value::Kind;
 
-use super::codec::{self, AtWork, Encoding};
+use super::codec::{self, Encoding, NodeHost};
 
 /// Reads a picture: EXR, PNG, JPEG, TIFF or Radiance HDR, by the content of the file.
 ///
@@ -27,7 +27,7 @@ impl Node for Load {
 
     fn compute(&self, cx: &Context) -> Result<Outputs, NodeError> {
         let bytes = cx.read(&self.path)?;
-        let image = codec::decode(&bytes, self.encoding, &AtWork(cx)).or_else(|error| {
+        let image = codec::decode(&bytes, self.encoding, &NodeHost(cx)).or_else(|error| {
             // A decoder that was stopped takes that for a damaged file.
             cx.go_on()?;
             let message = format!("{}: {}", self.path.path().display(), error.message);

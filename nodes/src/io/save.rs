@@ -4,7 +4,7 @@ use smart_default::SmartDefault;
 use warploom_core::node::{Context, In, Node, NodeError, Output, Outputs, WritePath};
 use warploom_core::value::Image;
 
-use super::codec::{self, AtWork, Compression, Depth, Encoding, WriteOptions};
+use super::codec::{self, Compression, Depth, Encoding, NodeHost, WriteOptions};
 
 /// Writes a picture in the format that the extension names: exr, png, jpg, jpeg, tif, tiff, hdr.
 ///
@@ -44,7 +44,7 @@ impl Node for Save {
         let options = WriteOptions { encoding, depth, compression, quality };
         let extension = self.path.path().extension().unwrap_or_default().to_string_lossy();
         let image = cx.get(&self.image);
-        let bytes = codec::encode_image(&image, &extension, &options, &AtWork(cx))?;
+        let bytes = codec::encode_image(&image, &extension, &options, &NodeHost(cx))?;
         cx.write(&self.path, &bytes)?;
         Ok(Outputs::default())
     }

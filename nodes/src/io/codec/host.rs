@@ -31,9 +31,9 @@ impl<F: Fn(u128) -> Result<(), NodeError> + Sync> Host for F {
 }
 
 /// A node at work.
-pub struct AtWork<'a>(pub &'a Context<'a>);
+pub struct NodeHost<'a>(pub &'a Context<'a>);
 
-impl Host for AtWork<'_> {
+impl Host for NodeHost<'_> {
     fn reserve(&self, bytes: u128) -> Result<(), NodeError> {
         self.0.go_on().and_then(|()| self.0.reserve(bytes))
     }

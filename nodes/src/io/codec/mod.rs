@@ -14,8 +14,8 @@ mod tiff;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
-pub(crate) use host::AtWork;
 pub use host::Host;
+pub(crate) use host::NodeHost;
 use host::Within;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
