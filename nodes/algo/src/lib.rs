@@ -8,6 +8,7 @@ mod bins;
 pub mod card;
 pub mod components;
 pub mod composite;
+mod dissection;
 pub mod draw;
 pub mod feature;
 pub mod lattice;
