@@ -1,0 +1,179 @@
+//! Properties of the solvers, and the cases at their borders.
+
+use super::*;
+use crate::UNWATCHED;
+
+/// Numbers in -1..1, the same on every run.
+fn noise(seed: u32) -> impl FnMut() -> f64 {
+    let mut state = seed;
+    move || {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        f64::from(state >> 8) / f64::from(1 << 23) - 1.0
+    }
+}
+
+fn random_edges(nodes: [usize; 2], mut number: impl FnMut() -> f64) -> Edges {
+    let mut edges = Edges::zeros(nodes);
+    edges.horizontal.iter_mut().chain(&mut edges.vertical).for_each(|value| *value = number());
+    edges
+}
+
+fn random_conductances(nodes: [usize; 2], seed: u32) -> Edges {
+    let mut number = noise(seed);
+    random_edges(nodes, || 1.0 + 100.0 * number().powi(8))
+}
+
+/// c grad x, the flux that x itself solves for.
+fn flux_of(conductances: &Edges, x: &[f64], [columns, _]: [usize; 2]) -> Edges {
+    let across = |(edge, c): (usize, &f64)| {
+        let node = edge + edge / (columns - 1);
+        c * (x[node + 1] - x[node])
+    };
+    let down = |(node, c): (usize, &f64)| c * (x[node + columns] - x[node]);
+    Edges {
+        horizontal: conductances.horizontal.iter().enumerate().map(across).collect(),
+        vertical: conductances.vertical.iter().enumerate().map(down).collect(),
+    }
+}
+
+fn factored(nodes: [usize; 2], conductances: &Edges) -> Factor {
+    GridLaplacian::new(nodes, conductances.clone(), Pins::Frame).factor(UNWATCHED).expect("positive conductances")
+}
+
+fn cholesky(factor: &mut Factor) -> &mut Cholesky {
+    match &mut factor.backend {
+        Backend::Direct(cholesky) => cholesky,
+        _ => panic!("not factored"),
+    }
+}
+
+#[test]
+fn middle_of_three_by_three_is_the_weighted_mean() {
+    let nodes = [3, 3];
+    let mut conductances = Edges::zeros(nodes);
+    conductances.horizontal[2..4].copy_from_slice(&[1.0, 2.0]);
+    conductances.vertical[1] = 3.0;
+    conductances.vertical[4] = 4.0;
+    let frame = [9.0, 30.0, 9.0, 10.0, 9.0, 20.0, 9.0, 40.0, 9.0];
+    let mut flux = Edges::zeros(nodes);
+    flux.horizontal[2] = 7.0;
+    flux.vertical[4] = 2.0;
+    let solution = factored(nodes, &conductances).solve(&[flux], &[&frame], 1e-6, UNWATCHED).expect("solved");
+    let expected = (1.0 * 10.0 + 2.0 * 20.0 + 3.0 * 30.0 + 4.0 * 40.0 + 7.0 - 2.0) / 10.0;
+    assert!((solution.fields[0][4] - expected).abs() < 1e-13, "{solution:?}");
+    assert_eq!(solution.fields[0][..4], frame[..4]);
+}
+
+#[test]
+fn any_field_is_recovered_from_its_flux_and_frame() {
+    for nodes in [[3, 3], [3, 9], [9, 3], [4, 7], [23, 17], [70, 64]] {
+        let conductances = random_conductances(nodes, 5);
+        let mut number = noise(7);
+        let fields: Vec<Vec<f64>> = (0..3).map(|_| (0..nodes[0] * nodes[1]).map(|_| number()).collect()).collect();
+        let fluxes: Vec<Edges> = fields.iter().map(|field| flux_of(&conductances, field, nodes)).collect();
+        let frames: Vec<&[f64]> = fields.iter().map(|field| &field[..]).collect();
+        let factor = factored(nodes, &conductances);
+        assert_eq!(factor.unknowns(), (nodes[0] - 2) * (nodes[1] - 2));
+        let solution = factor.solve(&fluxes, &frames, 1e-6, UNWATCHED).expect("solved");
+        assert!(solution.residual < 1e-13, "{nodes:?}: {}", solution.residual);
+        for (solved, field) in solution.fields.iter().flatten().zip(fields.iter().flatten()) {
+            assert!((solved - field).abs() < 1e-11, "{nodes:?}: {solved} for {field}");
+        }
+    }
+}
+
+#[test]
+fn right_hand_sides_do_not_mix() {
+    let nodes = [12, 10];
+    let factor = factored(nodes, &random_conductances(nodes, 1));
+    let [one, two] = [3, 4].map(|seed| random_edges(nodes, noise(seed)));
+    let still = vec![0.0; 120];
+    let both = factor.solve(&[one.clone(), two], &[&still, &still], 1e-6, UNWATCHED).expect("solved");
+    let alone = factor.solve(&[one], &[&still], 1e-6, UNWATCHED).expect("solved");
+    for (a, b) in both.fields[0].iter().zip(&alone.fields[0]) {
+        assert!((a - b).abs() < 1e-13);
+    }
+    assert_eq!(factor.solve(&[], &[], 1e-6, UNWATCHED).expect("solved").fields.len(), 0);
+}
+
+#[test]
+fn without_interior_the_frame_is_the_result() {
+    for nodes in [[2, 2], [2, 5], [5, 2], [1, 4]] {
+        let frame: Vec<f64> = (0..nodes[0] * nodes[1]).map(|node| node as f64).collect();
+        let factor = factored(nodes, &Edges::zeros(nodes));
+        let solution = factor.solve(&[Edges::zeros(nodes)], &[&frame], 1e-6, UNWATCHED).expect("solved");
+        assert_eq!((solution.fields, solution.residual, factor.unknowns()), (vec![frame], 0.0, 0));
+    }
+}
+
+#[test]
+fn bad_conductances_and_watches_are_told() {
+    let nodes = [6, 6];
+    let fail = |value: f64| {
+        let conductances = random_edges(nodes, || value);
+        GridLaplacian::new(nodes, conductances, Pins::Frame).factor(UNWATCHED).expect_err("no factor")
+    };
+    assert_eq!(fail(-1.0), Error::NotPositiveDefinite);
+    assert_eq!(fail(0.0), Error::NotPositiveDefinite);
+    fail(f64::NAN);
+    fail(f64::INFINITY);
+    let laplacian = GridLaplacian::new(nodes, random_conductances(nodes, 1), Pins::Frame);
+    assert_eq!(laplacian.clone().factor(&|_| Err(Interrupted)).expect_err("stopped"), Error::Interrupted);
+    let factor = laplacian.factor(UNWATCHED).expect("factored");
+    let stopped = factor.solve(&[Edges::zeros(nodes)], &[&[0.0; 36]], 1e-6, &|_| Err(Interrupted));
+    assert_eq!(stopped, Err(Error::Interrupted));
+}
+
+#[test]
+fn a_slightly_wrong_factor_is_made_good_by_refinement() {
+    let nodes = [30, 20];
+    let mut factor = factored(nodes, &random_conductances(nodes, 2));
+    cholesky(&mut factor).values.iter_mut().for_each(|value| *value *= 1.0 + 1e-8);
+    let solution = factor.solve(&[random_edges(nodes, noise(6))], &[&vec![0.5; 600]], 1e-6, UNWATCHED).expect("solved");
+    assert!(solution.residual < 1e-12, "{}", solution.residual);
+}
+
+#[test]
+fn a_wrong_factor_does_not_pass_its_probe() {
+    let nodes = [40, 40];
+    let mut factor = factored(nodes, &random_conductances(nodes, 2));
+    assert!(factor.probe(UNWATCHED).is_ok());
+    assert!(factor.bytes() > 8 * 38 * 38);
+    let values = &mut cholesky(&mut factor).values;
+    let middle = values.len() / 2;
+    values[middle..middle + 50].iter_mut().for_each(|value| *value *= 0.1);
+    assert!(matches!(factor.probe(UNWATCHED), Err(Error::Inaccurate { .. })));
+}
+
+#[test]
+fn many_right_hand_sides_are_those_solved_alone() {
+    let nodes = [19, 14];
+    let factor = factored(nodes, &random_conductances(nodes, 3));
+    let fluxes: Vec<Edges> = (0..70).map(|seed| random_edges(nodes, noise(seed))).collect();
+    let pinned: Vec<f64> = (0..266).map(f64::from).collect();
+    let together = factor.solve(&fluxes, &vec![&pinned[..]; 70], 1e-6, UNWATCHED).expect("solved");
+    for (flux, field) in fluxes.into_iter().zip(&together.fields) {
+        let alone = factor.solve(&[flux], &[&pinned], 1e-6, UNWATCHED).expect("solved");
+        assert!(alone.fields[0].iter().zip(field).all(|(a, b)| (a - b).abs() < 1e-10));
+    }
+}
+
+#[test]
+fn any_set_of_pins_is_kept_and_solved_around() {
+    for (nodes, seed) in [([9, 8], 1), ([2, 30], 2), ([1, 12], 3), ([25, 31], 4), ([7, 1], 5)] {
+        let count = nodes[0] * nodes[1];
+        let (conductances, mut number) = (random_conductances(nodes, seed), noise(seed + 9));
+        let mut pinned: Vec<bool> = (0..count).map(|_| number() > 0.8).collect();
+        pinned[count / 2] = true;
+        let field: Vec<f64> = (0..count).map(|_| number()).collect();
+        let flux = flux_of(&conductances, &field, nodes);
+        let given: Vec<f64> = field.iter().zip(&pinned).map(|(x, pin)| if *pin { *x } else { f64::NAN }).collect();
+        let free = pinned.iter().filter(|pin| !**pin).count();
+        let factor = GridLaplacian::new(nodes, conductances, Pins::Nodes(pinned)).factor(UNWATCHED).expect("factored");
+        assert_eq!((factor.unknowns(), factor.backend()), (free, "direct"));
+        let solution = factor.solve(&[flux], &[&given], 1e-6, UNWATCHED).expect("solved");
+        for (solved, field) in solution.fields[0].iter().zip(&field) {
+            assert!((solved - field).abs() < 1e-11, "{nodes:?}: {solved} for {field}");
+        }
+    }
+}
