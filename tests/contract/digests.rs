@@ -55,6 +55,26 @@ impl Content {
         }
     }
 
+    /// The numbers of a JSON text are rounded where others are.
+    fn text(&mut self, text: &str) {
+        match serde_json::from_str(text) {
+            Ok(json) if !self.exact => self.json(&json),
+            _ => self.about(&text),
+        }
+    }
+
+    fn json(&mut self, json: &serde_json::Value) {
+        match json {
+            serde_json::Value::Number(number) => self.numbers(number.as_f64().into_iter()),
+            serde_json::Value::Array(items) => items.iter().for_each(|item| self.json(item)),
+            serde_json::Value::Object(fields) => fields.iter().for_each(|(name, value)| {
+                self.about(name);
+                self.json(value);
+            }),
+            other => self.about(other),
+        }
+    }
+
     fn raster<T: Sample + Into<f64>>(&mut self, samples: &Buffer<T>) {
         self.about(&(samples.width(), samples.height()));
         self.numbers(samples.rows().flatten().map(|sample| (*sample).into()));
@@ -87,6 +107,7 @@ impl Content {
             // The solver itself is seen in what FeatureWarp makes of it.
             Value::Factor(factor) => self.about(&(factor.grid, factor.summary.to_string())),
             Value::Number(number) => self.numbers([*number].into_iter()),
+            Value::Text(text) => self.text(text),
             other => panic!("say what a {} holds", other.kind()),
         }
     }

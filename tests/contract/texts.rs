@@ -104,7 +104,10 @@ fn leaves(shape: &Shape, usual: &Json, leaf: &mut dyn FnMut(&Shape) -> Vec<Strin
 /// Legal values near the usual ones.
 pub fn others(shape: &Shape) -> Vec<String> {
     match shape {
-        Shape::Number(range) => legal(range, &[0.5, 2.75, 11.0, -1.5]),
+        Shape::Number(range) => {
+            let usual = legal(range, &[0.5, 2.75, 11.0, -1.5]);
+            if usual.is_empty() { legal(range, &[0.05, 1e3]) } else { usual }
+        }
         Shape::Integer { range, .. } => whole(range, &[1, 2, 5, 40]),
         Shape::Bool => vec!["true".into(), "false".into()],
         Shape::Text(None) => ["\"luma\"", "\"R\"", "\"A\"", "\"nobody\"", "\"\""].map(str::to_owned).into(),

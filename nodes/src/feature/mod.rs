@@ -11,6 +11,40 @@ use warploom_core::node::{ErrorClass, NodeError};
 
 use crate::adapt::AtWork;
 
+/// What a FeatureFactor hands to a FeatureWarp.
+struct Prepared {
+    factor: feature::FeatureFactor,
+    /// Labels of all features, rising; some may have no cells.
+    labels: Vec<u32>,
+}
+
+/// Refuses overrides of labels that no feature has, and several for one label.
+fn check_labels(wanted: impl Iterator<Item = u32>, known: &[u32]) -> Result<(), NodeError> {
+    let wanted: Vec<u32> = wanted.collect();
+    for (number, label) in wanted.iter().enumerate() {
+        if known.binary_search(label).is_err() {
+            let message = format!("there is no feature with the label {label}; there are {}", listed(known));
+            return Err(NodeError::refused(message).at("overrides").hint("override labels that are there"));
+        }
+        if wanted[..number].contains(label) {
+            let message = format!("label {label} is overridden twice");
+            return Err(NodeError::refused(message).at("overrides").hint("put all of it into one override"));
+        }
+    }
+    Ok(())
+}
+
+/// Labels in words, the first of them if there are many.
+fn listed(labels: &[u32]) -> String {
+    const SHOWN: usize = 20;
+    let names: Vec<String> = labels.iter().take(SHOWN).map(u32::to_string).collect();
+    match labels.len() {
+        0 => "none".into(),
+        count if count > SHOWN => format!("{count}, the first {}", names.join(", ")),
+        _ => names.join(", "),
+    }
+}
+
 fn refusal(error: feature::Error, at_work: AtWork) -> NodeError {
     use poisson::Error as Solver;
     match error {
@@ -18,6 +52,8 @@ fn refusal(error: feature::Error, at_work: AtWork) -> NodeError {
             let message = format!("the warp's node at column {column}, row {row} is not finite");
             NodeError::refused(message).at("warp").hint("look at what feeds it; all positions must be numbers")
         }
+        feature::Error::NoPins => NodeError::refused("features cover the whole border, and nothing holds the picture")
+            .hint("use boundary: Pin in the factor and on_conflict: NoFold in the warp, or a smaller feature"),
         feature::Error::Poisson(Solver::Interrupted) => at_work.error(Interrupted),
         feature::Error::Poisson(Solver::TooLarge | Solver::OutOfMemory) => {
             NodeError::new(ErrorClass::OverBudget, "the lattice is too large for the solver").hint("use larger cells")

@@ -4,15 +4,18 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use smart_default::SmartDefault;
-use warploom_algo::feature;
+use warploom_algo::feature::{self, FeatureFit};
 use warploom_core::node::{Context, In, Node, NodeError, Output, Outputs};
-use warploom_core::value::{Direction, Factor, Kind, Warp};
+use warploom_core::value::{Direction, Factor, Kind, Value, Warp};
 
+use super::Prepared;
 use crate::adapt::{positions, watch};
 
 /// Makes a warp keep features in shape while the rest of the picture follows it (Gal, Sorkine, Cohen-Or 2006).
 ///
-/// The lattice's border stays where the warp puts it.
+/// The lattice's border stays where the warp puts it, unless the factor says otherwise. `components` is a JSON table,
+/// a row for every feature: its label, the largest distance of its nodes from the similarity next to what became of
+/// it (in mean cell sizes), that similarity's scale and rotation (positive clockwise), and whether it mirrors.
 #[derive(Serialize, Deserialize, JsonSchema, SmartDefault)]
 #[serde(default, deny_unknown_fields)]
 pub struct FeatureWarp {
@@ -22,70 +25,143 @@ pub struct FeatureWarp {
     pub factor: In<Factor>,
     /// What a feature may do.
     pub mode: Mode,
+    /// Features that may do something else.
+    pub overrides: Vec<ModeOverride>,
+    /// Whether the cells around a feature are asked for less and less of what the feature does. Without it only their
+    /// weight falls.
+    pub blend: bool,
+    /// What features that are kept exactly do on a border that does not move freely.
+    pub on_conflict: OnConflict,
+    /// Largest distance of a node from the exact solution.
+    #[default(1e-6)]
+    #[schemars(range(min = 1e-9, max = 0.1), extend("x-unit" = "cells", "x-soft" = [1e-9, 0.01]))]
+    pub tolerance: f64,
 }
 
 /// What a feature may do.
 #[derive(Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub enum Mode {
-    /// Turn, and take one scale from the warp: where it stretches, the smaller of the two.
+    /// Turn, and take one scale from the warp: where it stretches, the smaller of the two; at least 0.001.
     #[default]
     Similarity,
     /// Turn, and keep its size.
     Rigid,
 }
 
-/// Bytes per lattice node beside the warp's positions and the solve: fluxes, the result, and what is held still.
-const BYTES_PER_NODE: u128 = 56;
+/// What features that are kept exactly do on a border that does not move freely.
+#[derive(Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub enum OnConflict {
+    /// Their nodes on the border stay with it; the others keep the shape.
+    #[default]
+    NoFold,
+    /// All their nodes keep the shape, on the border and in the lattice's corners too.
+    KeepShape,
+}
+
+/// What one feature may do.
+#[derive(Clone, Copy, Serialize, Deserialize, JsonSchema, SmartDefault)]
+#[serde(default, deny_unknown_fields)]
+#[schemars(extend("default" = ModeOverride::default()))]
+pub struct ModeOverride {
+    /// Its label.
+    #[default(1)]
+    #[schemars(range(min = 1))]
+    pub label: u32,
+    /// What it may do.
+    pub mode: Option<Mode>,
+    /// Its scale, whatever the mode.
+    #[schemars(range(min = 0.001, max = 1000.0), extend("x-soft" = [0.1, 10.0]))]
+    pub scale: Option<f64>,
+}
+
+/// Bytes per lattice node beside the warp's positions and the solve: fluxes, the result, what is held still, and how
+/// each node may move.
+const BYTES_PER_NODE: u128 = 80;
 
 impl Node for FeatureWarp {
-    const VERSION: u32 = 1;
-    const OUTPUTS: &'static [Output] = &[Output::new("warp", Kind::Warp)];
+    const VERSION: u32 = 2;
+    const OUTPUTS: &'static [Output] = &[Output::new("warp", Kind::Warp), Output::new("components", Kind::Text)];
     const CPU_FAMILY: bool = true;
 
     fn compute(&self, cx: &Context) -> Result<Outputs, NodeError> {
         let (warp, factor) = (cx.get(&self.warp), cx.get(&self.factor));
-        let solver = factor.solver.downcast_ref::<feature::FeatureFactor>();
-        let solver = solver.ok_or_else(|| NodeError::refused("the factor is another solver's").at("factor"))?;
-        if warp.direction != Direction::DstFromSrc {
-            return Err(NodeError::refused("the warp says where pixels come from, not where they go").at("warp"));
-        }
-        if warp.grid != factor.grid {
-            let ([wc, wr], [fc, fr]) = (warp.grid.nodes, factor.grid.nodes);
-            let message =
-                format!("the warp is on another lattice ({wc} x {wr} nodes) than the factor ({fc} x {fr} nodes)");
-            return Err(NodeError::refused(message).at("warp").hint("feed both from one Lattice"));
-        }
-        let mode = match self.mode {
-            Mode::Similarity => feature::Mode::Similarity,
-            Mode::Rigid => feature::Mode::Rigid,
+        let solver = factor.solver.downcast_ref::<Prepared>();
+        let Prepared { factor: solver, labels } =
+            solver.ok_or_else(|| NodeError::refused("the factor is another solver's").at("factor"))?;
+        check_warp(&warp, &factor)?;
+        super::check_labels(self.overrides.iter().map(|wish| wish.label), labels)?;
+        let overrides: Vec<_> = self.overrides.iter().map(|&wish| feature::Override::from(wish)).collect();
+        let targets = feature::Targets {
+            mode: self.mode.into(),
+            overrides: &overrides,
+            blend: self.blend,
+            on_conflict: self.on_conflict.into(),
+            ..feature::Targets::default()
         };
+        let tolerance = self.tolerance * (warp.grid.spacing[0] + warp.grid.spacing[1]) / 2.0;
         cx.reserve(warp.grid.node_count() as u128 * BYTES_PER_NODE)?;
         let start = Instant::now();
         let input = positions(cx, &warp)?;
         let at_work = watch(cx);
-        let prepared = feature::rhs(solver, &input, mode, &at_work).map(|rhs| (rhs, start.elapsed()));
-        let solved = prepared.and_then(|(rhs, prepared)| Ok((feature::solve(solver, &rhs, &at_work)?, prepared)));
+        let prepared = feature::rhs(solver, &input, &targets, &at_work).map(|rhs| (rhs, start.elapsed()));
+        let solved = prepared.and_then(|(rhs, prepared)| Ok((feature::solve(&rhs, tolerance, &at_work)?, prepared)));
         let (solved, prepared) = solved.map_err(|error| super::refusal(error, at_work))?;
         let seconds = start.elapsed();
-        let components: Vec<_> = (solved.features.iter())
-            .map(|fit| {
-                let mut row = json!({
-                    "label": fit.label,
-                    "deviation_cells": fit.deviation_cells,
-                    "scale": fit.scale,
-                    "rotation_deg": fit.rotation_deg,
-                });
-                if fit.mirrored {
-                    row["mirrored"] = true.into();
-                }
-                row
-            })
-            .collect();
-        Ok(crate::warp::certified(cx, &warp.grid, solved.positions)?
+        let rows = serde_json::Value::Array(solved.features.iter().map(row).collect());
+        let mut outputs = crate::warp::certified(cx, &warp.grid, solved.positions)?;
+        outputs.values.push(Value::Text(rows.to_string().into()));
+        Ok(outputs
             .stat("unknowns", solver.unknowns())
             .stat("residual", solved.residual)
             .stat("seconds_rhs", prepared.as_secs_f64())
             .stat("seconds_solve", (seconds - prepared).as_secs_f64())
-            .stat("components", components))
+            .stat("conflicts", solved.conflicts)
+            .stat("components", rows))
+    }
+}
+
+fn check_warp(warp: &Warp, factor: &Factor) -> Result<(), NodeError> {
+    if warp.direction != Direction::DstFromSrc {
+        return Err(NodeError::refused("the warp says where pixels come from, not where they go").at("warp"));
+    }
+    if warp.grid != factor.grid {
+        let ([wc, wr], [fc, fr]) = (warp.grid.nodes, factor.grid.nodes);
+        let message = format!("the warp is on another lattice ({wc} x {wr} nodes) than the factor ({fc} x {fr} nodes)");
+        return Err(NodeError::refused(message).at("warp").hint("feed both from one Lattice"));
+    }
+    Ok(())
+}
+
+fn row(fit: &FeatureFit) -> serde_json::Value {
+    json!({
+        "label": fit.label,
+        "deviation_cells": fit.deviation_cells,
+        "scale": fit.scale,
+        "rotation_deg": fit.rotation_deg,
+        "mirrored": fit.mirrored,
+    })
+}
+
+impl From<Mode> for feature::Mode {
+    fn from(mode: Mode) -> Self {
+        match mode {
+            Mode::Similarity => Self::Similarity,
+            Mode::Rigid => Self::Rigid,
+        }
+    }
+}
+
+impl From<OnConflict> for feature::OnConflict {
+    fn from(on_conflict: OnConflict) -> Self {
+        match on_conflict {
+            OnConflict::NoFold => Self::NoFold,
+            OnConflict::KeepShape => Self::KeepShape,
+        }
+    }
+}
+
+impl From<ModeOverride> for feature::Override {
+    fn from(wish: ModeOverride) -> Self {
+        Self { label: wish.label, mode: wish.mode.map(Into::into), scale: wish.scale }
     }
 }

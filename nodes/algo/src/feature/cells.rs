@@ -63,6 +63,58 @@ pub fn feature_cells(
     Ok(FeatureCells { labels: cells, mixed, outside })
 }
 
+/// How much of every cell of a lattice a mask covers.
+///
+/// The mean of the mask over the pixels whose centres the cell holds, as in [`feature_cells`]; row-major, 0..=1.
+///
+/// * `lattice`: in the coordinates of the pixels, any positive spacing.
+/// * `mask`: coverage; below 0 and NaN count as 0, above 1 as 1.
+/// * `x0`, `y0`: position of the view's top left pixel, px.
+///
+/// Pixels outside the view are not covered. Cells without a pixel's centre have 0. O(pixels + cells), rows of cells
+/// side by side. Stops when `watch` says so.
+pub fn cell_coverage(
+    lattice: &Lattice,
+    mask: View<f32>,
+    x0: i64,
+    y0: i64,
+    watch: Watch,
+) -> Result<Vec<f64>, Interrupted> {
+    let [columns, rows] = lattice.nodes;
+    let left: Vec<i64> = (0..columns).map(|column| first_centre(lattice.rest(column, 0)[0])).collect();
+    let top: Vec<i64> = (0..rows).map(|row| first_centre(lattice.rest(0, row)[1])).collect();
+    let within = |from: i64, to: i64, first: i64, count: usize| {
+        let [from, to] = [from, to].map(|pixel| pixel.saturating_sub(first).clamp(0, count as i64) as usize);
+        from..to
+    };
+    let mut cells = vec![0.0; (columns - 1) * (rows - 1)];
+    cells.par_chunks_mut(columns - 1).enumerate().try_for_each(|(row, cells)| {
+        let height = top[row + 1] - top[row];
+        for y in within(top[row], top[row + 1], y0, mask.height()) {
+            for (column, cell) in cells.iter_mut().enumerate() {
+                let pixels = &mask.row(y)[within(left[column], left[column + 1], x0, mask.width())];
+                *cell += pixels
+                    .iter()
+                    .filter(|&&covered| covered > 0.0)
+                    .map(|&covered| f64::from(covered.min(1.0)))
+                    .sum::<f64>();
+            }
+        }
+        for (column, cell) in cells.iter_mut().enumerate() {
+            let count = height * (left[column + 1] - left[column]);
+            *cell /= count.max(1) as f64;
+        }
+        watch.go_on()
+    })?;
+    Ok(cells)
+}
+
+/// The first pixel whose centre is not before a grid line.
+fn first_centre(line: f64) -> i64 {
+    let near = (line - 0.5).ceil();
+    (if near + 0.5 < line { near + 1.0 } else { near }) as i64
+}
+
 /// For every grid line the first of `count` pixels from `first` on whose centre is not before it; `count` if none.
 fn first_pixels(lines: impl Iterator<Item = f64>, first: i64, count: usize) -> Vec<usize> {
     let mut pixel = 0;
@@ -131,6 +183,25 @@ mod tests {
         }
         let empty = feature_cells(&LATTICE, View::packed(&[], 0, 0), 0, 0);
         assert_eq!(empty, FeatureCells { labels: vec![0; 4], mixed: 0, outside: 0 });
+    }
+
+    #[test]
+    fn coverage_is_the_mean_over_a_cells_pixels() {
+        #[rustfmt::skip]
+        let mask = [
+            1.0, 0.5, 0.25, 0.0,
+            0.5, 0.0, f32::NAN, 7.0,
+            -3.0, 1.0, 0.0, f32::INFINITY,
+        ];
+        let mean = |x0, y0, lattice: Lattice| {
+            cell_coverage(&lattice, View::packed(&mask, 4, 3), x0, y0, UNWATCHED).expect("nobody stops it")
+        };
+        assert_eq!(mean(0, 0, LATTICE), [0.5, 0.3125, 0.25, 0.25]);
+        // Of cells that the mask covers in part the rest is not covered.
+        assert_eq!(mean(1, 1, LATTICE), [0.25, 0.1875, 0.125, 0.25]);
+        assert_eq!(mean(100, -50, LATTICE), [0.0; 4]);
+        let fine = Lattice { origin: [0.0, 0.0], spacing: [0.5, 1.0], nodes: [3, 2] };
+        assert_eq!(mean(0, 0, fine), [0.0, 1.0], "a cell without a centre, and the cell of one");
     }
 
     #[test]

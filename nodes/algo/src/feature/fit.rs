@@ -1,6 +1,6 @@
 //! How close a feature came to a similarity.
 
-use super::Component;
+use super::components::Component;
 use super::local::{difference, modulus};
 use crate::lattice::{Lattice, Positions};
 use crate::{Interrupted, Watch};

@@ -1,9 +1,13 @@
 //! What a warp does to one quad, and what its component makes of it.
 
-use super::{Component, RUN};
+use super::RUN;
+use super::components::Component;
 use crate::lattice::{Lattice, Positions};
 use crate::{Interrupted, Watch};
 use faer::c64;
+
+/// The least scale that features take from a warp.
+const LEAST_SCALE: f64 = 1e-3;
 
 /// A rotation is undefined where the part that holds it is not above this share of the linear map.
 const DEGENERATE: f64 = 1e-9;
@@ -56,22 +60,22 @@ impl Linear {
 #[derive(Clone, Copy)]
 pub(super) struct Frame {
     /// The component is mirrored: its rotations follow a reflection.
-    mirrored: bool,
-    scale: f64,
-    /// Rotation of quads that have none of their own.
-    rotation: c64,
+    pub(super) mirrored: bool,
+    pub(super) scale: f64,
+    /// Rotation of the whole, and of quads that have none of their own.
+    pub(super) rotation: c64,
 }
 
 impl Frame {
-    /// The frame of a component under a warp; `rigid` keeps its size.
+    /// The frame of a component under a warp; of a given scale, or of the warp's.
     ///
-    /// The scale is the mean of the smaller singular value over the component's quads, 0 on those that turn over.
-    /// The component is mirrored where the mean determinant is negative.
+    /// The warp's scale is the mean of the smaller singular value over the component's quads, 0 on those that turn
+    /// over, and at least 1e-3. The component is mirrored where the mean determinant is negative.
     pub(super) fn of(
         lattice: &Lattice,
         warp: &Positions,
         component: &Component,
-        rigid: bool,
+        scale: Option<f64>,
         watch: Watch,
     ) -> Result<Self, Interrupted> {
         let zero = c64::new(0.0, 0.0);
@@ -90,10 +94,10 @@ impl Frame {
             norm += linear.norm();
         }
         let count = component.quads.len() as f64;
-        let (mirrored, scale, main) = if determinant < 0.0 { (true, mirrored, sum.b) } else { (false, upright, sum.a) };
+        let (mirrored, sizes, main) = if determinant < 0.0 { (true, mirrored, sum.b) } else { (false, upright, sum.a) };
         Ok(Self {
             mirrored,
-            scale: if rigid { 1.0 } else { scale / count },
+            scale: scale.unwrap_or((sizes / count).max(LEAST_SCALE)),
             rotation: direction(main, norm).unwrap_or(c64::new(1.0, 0.0)),
         })
     }

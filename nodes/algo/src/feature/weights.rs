@@ -11,7 +11,9 @@ pub(super) const NONE: u32 = u32::MAX;
 pub(super) struct Quads {
     /// Component the quad follows: its own on features, the nearest one within the radius, else `NONE`.
     pub(super) component: Vec<u32>,
-    /// Squared weight, the quad's share of its edges' conductances.
+    /// How far it does: f(D), 1 on features, falling to 0.
+    pub(super) share: Vec<f64>,
+    /// Squared weight, the quad's part of its edges' conductances.
     pub(super) stiffness: Vec<f64>,
 }
 
@@ -19,12 +21,13 @@ pub(super) struct Quads {
 ///
 /// D is the distance from a quad's centre to the union of the feature quads, as filled unit squares, in cells: 0 on
 /// features, 0.5 and 1.5 on the rings around a straight side, sqrt(0.5) off a corner. The weight is
-/// `1 + (w - 1) f(D)`, `f(D) = 2 (D / rho)^3 - 3 (D / rho)^2 + 1` for D < rho and 0 from there on. Of components at
-/// the same distance a quad follows the lowest.
+/// `1 + (w - 1) f(D)`, `f(D) = 2 (D / rho)^3 - 3 (D / rho)^2 + 1` for D < rho and 0 from there on, w the weight of
+/// the nearest component. Of components at the same distance a quad follows the lowest.
 ///
 /// * `feature`: component of every cell, row-major, `NONE` off the features.
 /// * `columns`: cells in a row.
-/// * `weight`: w; `radius`: rho, cells, at least 0: at 0 only the features themselves are weighted.
+/// * `weights`: w of every component; `radius`: rho, cells, at least 0: at 0 only the features themselves count.
+/// * `soft`: if given, 0..=1 for every cell; on features the excess w - 1 is multiplied by it.
 ///
 /// Exact: the squared distance is the sum of a horizontal and a vertical part, so the nearest feature in every row
 /// comes first and the best of the rows second. O(cells * radius) at worst, O(cells) far from and on features.
@@ -33,8 +36,9 @@ pub(super) struct Quads {
 pub(super) fn weigh(
     feature: &[u32],
     columns: usize,
-    weight: f64,
+    weights: &[f64],
     radius: f64,
+    soft: Option<&[f64]>,
     watch: Watch,
 ) -> Result<Quads, Interrupted> {
     let reach = ((radius + 0.5).ceil() - 1.0).max(0.0) as usize;
@@ -47,20 +51,25 @@ pub(super) fn weigh(
     let weighed = |quad: usize| {
         let (distance, component) = nearest_across(&in_row, columns, quad, reach);
         if component == NONE || (distance != 0.0 && distance >= radius) {
-            return (NONE, 1.0);
+            return (NONE, 0.0, 1.0);
         }
-        let w = 1.0 + (weight - 1.0) * decay(distance, radius);
-        (component, w * w)
+        let share = decay(distance, radius);
+        let part = soft.filter(|_| distance == 0.0).map_or(share, |soft| soft[quad]);
+        let w = 1.0 + (weights[component as usize] - 1.0) * part;
+        (component, share, w * w)
     };
-    let (mut component, mut stiffness) = (vec![NONE; feature.len()], vec![1.0; feature.len()]);
-    let rows = component.par_chunks_mut(columns).zip(stiffness.par_chunks_mut(columns)).enumerate();
-    rows.try_for_each(|(row, (component, stiffness))| {
-        for (column, (component, stiffness)) in component.iter_mut().zip(stiffness).enumerate() {
-            (*component, *stiffness) = weighed(row * columns + column);
-        }
-        watch.go_on()
-    })?;
-    Ok(Quads { component, stiffness })
+    let count = feature.len();
+    let mut quads = Quads { component: vec![NONE; count], share: vec![0.0; count], stiffness: vec![1.0; count] };
+    let shares = quads.share.par_chunks_mut(columns).zip(quads.stiffness.par_chunks_mut(columns));
+    quads.component.par_chunks_mut(columns).zip(shares).enumerate().try_for_each(
+        |(row, (component, (share, stiffness)))| {
+            for column in 0..component.len() {
+                (component[column], share[column], stiffness[column]) = weighed(row * columns + column);
+            }
+            watch.go_on()
+        },
+    )?;
+    Ok(quads)
 }
 
 /// The nearest feature cell in the same row within `reach` cells: its offset and component.
@@ -119,7 +128,7 @@ mod tests {
     use crate::UNWATCHED;
 
     fn weigh(feature: &[u32], columns: usize, weight: f64, radius: f64) -> Quads {
-        super::weigh(feature, columns, weight, radius, UNWATCHED).expect("nobody stops it")
+        super::weigh(feature, columns, &[weight; 8], radius, None, UNWATCHED).expect("nobody stops it")
     }
 
     /// Distance and component of every quad by trying all features; ties to the lowest.
@@ -185,6 +194,18 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn components_have_weights_of_their_own_and_coverage_softens_features_only() {
+        let feature = [0, NONE, NONE, NONE, NONE, 1];
+        let soft = [0.5, 0.0, 0.0, 0.0, 0.0, 0.0];
+        let quads = super::weigh(&feature, 6, &[3.0, 5.0], 2.0, Some(&soft), UNWATCHED).expect("weighed");
+        let (near, far) = (decay(0.5, 2.0), decay(1.5, 2.0));
+        assert_eq!(quads.component, [0, 0, 0, 1, 1, 1]);
+        assert_eq!(quads.share, [1.0, near, far, far, near, 1.0]);
+        let weights = [2.0, 1.0 + 2.0 * near, 1.0 + 2.0 * far, 1.0 + 4.0 * far, 1.0 + 4.0 * near, 1.0];
+        assert_eq!(quads.stiffness, weights.map(|w| w * w));
     }
 
     #[test]
