@@ -229,7 +229,7 @@ impl Motions {
             let forces = forces(features.lattice.nodes, conductances, &rhs.fluxes[axis], &solved[axis]);
             self.fields.iter().map(|field| field.dot(&forces)).collect::<Vec<f64>>()
         });
-        for (unknown, size) in unknowns.iter().zip(self.sizes(&unknowns, &pulls)?) {
+        for (unknown, size) in unknowns.iter().zip(self.sizes(&unknowns, &pulls, watch)?) {
             for &(field, along) in &unknown.0 {
                 held.iter_mut().zip(along).for_each(|(held, along)| self.fields[field].add_to(held, size * along));
             }
@@ -238,7 +238,7 @@ impl Motions {
     }
 
     /// The sizes of the unknowns that the pulls on the fields bring about.
-    fn sizes(&self, unknowns: &[Unknown], pulls: &[Vec<f64>; 2]) -> Result<Vec<f64>, Error> {
+    fn sizes(&self, unknowns: &[Unknown], pulls: &[Vec<f64>; 2], watch: Watch) -> Result<Vec<f64>, Error> {
         let (n, m) = (unknowns.len(), self.fields.len());
         let mutual = |a: &Unknown, b: &Unknown| {
             let pairs = a.0.iter().flat_map(|one| b.0.iter().map(move |other| (one, other)));
@@ -248,6 +248,7 @@ impl Motions {
         };
         let mut matrix = Mat::<f64>::zeros(n, n);
         for (row, one) in unknowns.iter().enumerate() {
+            watch.go_on()?;
             for (column, other) in unknowns[..=row].iter().enumerate() {
                 matrix[(row, column)] = mutual(one, other);
             }

@@ -224,8 +224,7 @@ impl Features {
         self.components.is_empty() || self.lattice.nodes.iter().any(|&count| count < 3)
     }
 
-    /// Nodes of the frame that are no feature's, which nothing moves, and with them the pinned ones of `Boundary::Pin`
-    /// and the corners of `Boundary::Slide`.
+    /// Nodes of the frame that neither slide nor are free. Exact features may still take them along.
     fn held_for_good(&self) -> impl Iterator<Item = usize> {
         frame(self.lattice.nodes).filter(|&node| self.is_held(node) && self.sliding.binary_search(&node).is_err())
     }

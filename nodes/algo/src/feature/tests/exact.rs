@@ -40,8 +40,15 @@ fn all_ways() -> impl Iterator<Item = (Boundary, Exact, OnConflict)> {
     })
 }
 
-/// Mean rotation of a warp on quads of some labels, from the corners as printed.
-fn mean_rotation(lattice: &Lattice, cells: &FeatureCells, warp: &Positions, labels: &[u32]) -> [f64; 2] {
+/// Mean rotation of a warp on quads of some labels from their edges; after mirroring y where it is `mirrored`.
+fn mean_rotation(
+    lattice: &Lattice,
+    cells: &FeatureCells,
+    warp: &Positions,
+    labels: &[u32],
+    mirrored: bool,
+) -> [f64; 2] {
+    let sign = if mirrored { -1.0 } else { 1.0 };
     let columns = lattice.nodes[0];
     let mut sum = [0.0; 2];
     for quad in (0..cells.labels.len()).filter(|&quad| labels.contains(&cells.labels[quad])) {
@@ -51,7 +58,7 @@ fn mean_rotation(lattice: &Lattice, cells: &FeatureCells, warp: &Positions, labe
         };
         let across = [&warp.x, &warp.y].map(|values| mean(values, 1, columns, lattice.spacing[0]));
         let down = [&warp.x, &warp.y].map(|values| mean(values, columns, 1, lattice.spacing[1]));
-        sum = [sum[0] + across[0] + down[1], sum[1] + across[1] - down[0]];
+        sum = [sum[0] + across[0] + sign * down[1], sum[1] + across[1] - sign * down[0]];
     }
     let length = sum[0].hypot(sum[1]);
     sum.map(|part| part / length)
@@ -59,9 +66,10 @@ fn mean_rotation(lattice: &Lattice, cells: &FeatureCells, warp: &Positions, labe
 
 #[test]
 fn equals_the_dense_minimum_under_all_constraints() {
-    for (lattice, seed) in [(SQUARE, 3), (FLAT, 4)] {
+    for (lattice, seed, mirrored) in [(SQUARE, 3, false), (FLAT, 4, false), (FLAT, 5, true)] {
         let cells = four(&lattice);
-        let warp = shaken(&lattice, 0.3, seed);
+        let mut warp = shaken(&lattice, 0.3, seed);
+        warp.y.iter_mut().filter(|_| mirrored).for_each(|y| *y = -*y);
         for (boundary, exact, on_conflict) in all_ways() {
             let factor = prepared(&Structure { boundary, exact, ..structure(&lattice, &cells) });
             let rhs = rhs(&factor, &warp, &Targets { on_conflict, ..Targets::default() }, UNWATCHED).expect("asked");
@@ -71,8 +79,8 @@ fn equals_the_dense_minimum_under_all_constraints() {
                     boundary == Boundary::Free || on_conflict == OnConflict::KeepShape || !on_frame(&lattice, *node)
                 };
                 let nodes = nodes_of(&lattice, &cells, labels).into_iter().filter(follows).collect();
-                let a = (exact == Exact::Rigid).then(|| mean_rotation(&lattice, &cells, &warp, labels));
-                Similar { nodes, mirrored: false, a }
+                let a = (exact == Exact::Rigid).then(|| mean_rotation(&lattice, &cells, &warp, labels, mirrored));
+                Similar { nodes, mirrored, a }
             });
             let expected = minimise(&rhs.functional(), &similar.collect::<Vec<_>>());
             let result = solve(&rhs, TOLERANCE, UNWATCHED).expect("solved");
