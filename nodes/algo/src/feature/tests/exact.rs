@@ -30,7 +30,7 @@ fn nodes_of(lattice: &Lattice, cells: &FeatureCells, labels: &[u32]) -> Vec<usiz
 
 fn on_frame(lattice: &Lattice, node: usize) -> bool {
     let [columns, rows] = lattice.nodes;
-    node < columns || node >= columns * (rows - 1) || node % columns == 0 || node % columns == columns - 1
+    node < columns || node >= columns * (rows - 1) || node.is_multiple_of(columns) || (node + 1).is_multiple_of(columns)
 }
 
 /// Every way to treat the frame and features.
