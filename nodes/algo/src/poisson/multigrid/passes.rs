@@ -3,9 +3,9 @@
 //!
 //! Red nodes are those with an even sum of column and row, black the others.
 
+use super::super::simd::vectorized;
 use super::level::{Level, halves, rows_around};
 use super::transfer::{Interpolation, Restriction};
-use pulp::Arch;
 
 /// Partial sums and maxima, so that their order does not depend on the machine's vectors.
 const LANES: usize = 16;
@@ -24,10 +24,10 @@ pub(super) struct Tally {
 
 /// One red-black sweep from 0 for the right-hand side `b`, and what it leaves, restricted to `out`.
 pub(super) fn descend(level: &Level, coarser: &Level, b: &Pair, out: &mut Pair) {
-    Arch::new().dispatch(
+    vectorized(
         #[inline(always)]
         || {
-            for (b, out) in b.iter().zip(out) {
+            for (b, out) in b.iter().zip(&mut *out) {
                 descend_one(level, coarser, b, out);
             }
         },
@@ -83,7 +83,7 @@ fn descend_one(level: &Level, coarser: &Level, b: &[f32], out: &mut [f32]) {
 /// Adds the coarse correction to the sweep from 0 that [`descend`] made, then sweeps black and red: `z`.
 pub(super) fn ascend(level: &Level, coarser: &Level, b: &Pair, coarse: &Pair, z: &mut Pair) -> [Tally; 2] {
     let mut tallies = [Tally::default(); 2];
-    Arch::new().dispatch(
+    vectorized(
         #[inline(always)]
         || {
             for k in 0..2 {
@@ -139,7 +139,7 @@ fn relax(level: &Level, b: &[f32], z: &mut [f32], row: usize, s: usize) {
 /// `p = z + beta p` and the energies `p . A p`.
 pub(super) fn direct(level: &Level, z: &Pair, beta: [f32; 2], p: &mut Pair) -> [f64; 2] {
     let mut energies = [0.0; 2];
-    Arch::new().dispatch(
+    vectorized(
         #[inline(always)]
         || {
             for k in 0..2 {
@@ -168,7 +168,7 @@ fn direct_one(level: &Level, z: &[f32], beta: f32, p: &mut [f32]) -> f64 {
 
 /// `x += alpha p` and `r -= alpha A p`.
 pub(super) fn advance(level: &Level, p: &Pair, alpha: [f32; 2], x: &mut Pair, r: &mut Pair) {
-    Arch::new().dispatch(
+    vectorized(
         #[inline(always)]
         || {
             for k in 0..2 {
@@ -209,10 +209,10 @@ pub(super) fn add(z: &Pair, x: &mut Pair) {
 
 /// The values of every node, restricted.
 pub(super) fn restrict(level: &Level, coarser: &Level, b: &Pair, out: &mut Pair) {
-    Arch::new().dispatch(
+    vectorized(
         #[inline(always)]
         || {
-            for (b, out) in b.iter().zip(out) {
+            for (b, out) in b.iter().zip(&mut *out) {
                 let mut restriction = Restriction::new(level);
                 for row in 1..level.rows - 1 {
                     restriction.row(level, coarser, level.row(b, row), row, out);
@@ -224,16 +224,33 @@ pub(super) fn restrict(level: &Level, coarser: &Level, b: &Pair, out: &mut Pair)
 
 /// The coarse values, interpolated at every node.
 pub(super) fn interpolate(level: &Level, coarser: &Level, coarse: &Pair, out: &mut Pair) {
-    Arch::new().dispatch(
+    vectorized(
         #[inline(always)]
         || {
-            for (coarse, out) in coarse.iter().zip(out) {
+            for (coarse, out) in coarse.iter().zip(&mut *out) {
                 let mut interpolation = Interpolation::new(level);
                 for row in 1..level.rows - 1 {
                     let at = 2 * level.half * row;
                     let values = interpolation.row(level, coarser, coarse, row);
                     out[at..at + 2 * level.half].copy_from_slice(values);
                 }
+            }
+        },
+    );
+}
+
+/// A row of values times `scale`, split into even and odd columns.
+pub(super) fn round(values: &[f64], scale: f64, half: usize, out: &mut [f32]) {
+    let (even, odd) = out.split_at_mut(half);
+    vectorized(
+        #[inline(always)]
+        || {
+            let pairs = values.chunks_exact(2);
+            if let [last] = pairs.remainder() {
+                even[values.len() / 2] = (last * scale) as f32;
+            }
+            for ((pair, even), odd) in pairs.zip(&mut *even).zip(&mut *odd) {
+                (*even, *odd) = ((pair[0] * scale) as f32, (pair[1] * scale) as f32);
             }
         },
     );
