@@ -230,8 +230,7 @@ fn multigrid_keeps_its_tolerance() {
                 let apart =
                     solved.fields.iter().flatten().zip(exact.fields.iter().flatten()).map(|(a, b)| (a - b).abs());
                 let error = apart.fold(0.0, f64::max);
-                eprintln!("RATIO {:.3} {nodes:?} {weight} {radius} {tolerance:e}", error / tolerance);
-                assert!(error <= tolerance || true, "{nodes:?} weight {weight} radius {radius}: {error:e} for {tolerance:e}");
+                assert!(error <= tolerance, "{nodes:?} weight {weight} radius {radius}: {error:e} for {tolerance:e}");
                 assert_eq!(solved.fields[0][..nodes[0]], pinned[..nodes[0]], "the frame");
             }
         }
@@ -244,7 +243,8 @@ fn multigrid_serves_any_count_of_right_hand_sides() {
     let (conductances, [one, two]) = stiff_discs(nodes, 10.0, 2.0, 4);
     let factor = by_multigrid(nodes, &conductances);
     let still = vec![0.0; 2050];
-    let three = factor.solve(&[one.clone(), two.clone(), one.clone()], &[&still[..]; 3], 1e-4, UNWATCHED).expect("solved");
+    let three =
+        factor.solve(&[one.clone(), two.clone(), one.clone()], &[&still[..]; 3], 1e-4, UNWATCHED).expect("solved");
     let pair = factor.solve(&[one, two], &[&still[..]; 2], 1e-4, UNWATCHED).expect("solved");
     assert_eq!(three.fields[..2], pair.fields);
     assert!(three.fields[2].iter().zip(&pair.fields[0]).all(|(a, b)| (a - b).abs() < 2e-4));

@@ -6,6 +6,7 @@
 
 mod level;
 mod passes;
+mod spectrum;
 mod transfer;
 
 use super::direct::Cholesky;
@@ -13,6 +14,7 @@ use super::{Edges, Error, GridLaplacian, Pins, larger, largest};
 use crate::Watch;
 use level::Level;
 use passes::{Pair, Tally};
+use spectrum::Lanczos;
 
 /// Lattices with at most so many columns or rows are not made coarser.
 const COARSEST: usize = 9;
@@ -20,8 +22,12 @@ const COARSEST: usize = 9;
 /// Iterations that a coarser system is solved with for a first guess.
 const GUESS_ITERATIONS: usize = 2;
 
-/// Part of the first correction after which the residual is computed anew in double precision.
-const RENEW: f32 = 1.0 / 4096.0;
+/// Single precision follows an error down to this part of it, times the largest over the least diagonal entry; then
+/// the residual is computed anew in double precision.
+const RENEW: f32 = 2.4e-6;
+
+/// Bounds of that part.
+const RENEW_BETWEEN: [f32; 2] = [1.0 / 4096.0, 1.0 / 8.0];
 
 /// Iterations between two residuals in double precision at most.
 const ITERATIONS: usize = 24;
@@ -29,9 +35,9 @@ const ITERATIONS: usize = 24;
 /// Double precision residuals at most.
 const ROUNDS: usize = 12;
 
-/// The largest correction times this bounds the error that it leaves. Over many masks and weights it left less than
-/// itself.
-const SAFETY: f64 = 2.0;
+/// The largest correction over the least eigenvalue of the preconditioned matrix estimates the error it is made for;
+/// times this it bounds the error that is left once the correction is added.
+const SAFETY: f64 = 1.5;
 
 #[derive(Debug)]
 pub(super) struct Multigrid {
@@ -39,6 +45,8 @@ pub(super) struct Multigrid {
     coarsest: Cholesky,
     /// What single precision conductances and residuals are multiplied by.
     scale: f64,
+    /// Part of the first correction after which residuals are computed anew.
+    renew: f32,
 }
 
 /// The arrays of one level.
@@ -69,7 +77,10 @@ impl Multigrid {
             levels.push(coarser);
         }
         let coarsest = coarsest(&levels[levels.len() - 1], watch)?;
-        Ok(Self { levels, coarsest, scale })
+        let inner = || levels[0].inverse.iter().filter(|inverse| **inverse > 0.0);
+        let contrast = inner().fold(0.0, |a: f32, b| a.max(*b)) / inner().fold(f32::INFINITY, |a, b| a.min(*b));
+        let renew = (RENEW * contrast).clamp(RENEW_BETWEEN[0], RENEW_BETWEEN[1]);
+        Ok(Self { levels, coarsest, scale, renew })
     }
 
     /// Solves for two right-hand sides, the unknowns of `fields` 0 at first; gives the relative residual.
@@ -88,20 +99,21 @@ impl Multigrid {
         for (field, solution) in [&mut *one, &mut *two].into_iter().zip(&arrays[0].direction) {
             self.add(solution, field);
         }
+        let mut least = 0.75;
         for _ in 0..ROUNDS {
             watch.go_on()?;
             self.load(laplacian, fluxes, [one, two], &mut arrays[0].residual);
-            let error = self.correct(0, &mut arrays, ITERATIONS, tolerance, watch)?;
+            let error = self.correct(0, &mut arrays, ITERATIONS, tolerance, &mut least, watch)?;
             for (field, solution) in [&mut *one, &mut *two].into_iter().zip(&arrays[0].solution) {
                 self.add(solution, field);
             }
             if error <= tolerance {
-                break;
+                let last = self.load(laplacian, fluxes, [one, two], &mut arrays[0].residual);
+                return Ok(larger(relative(last[0], first[0]), relative(last[1], first[1])));
             }
         }
         let last = self.load(laplacian, fluxes, [one, two], &mut arrays[0].residual);
-        let relative = |k: usize| if last[k] == 0.0 { 0.0 } else { last[k] / first[k] };
-        Ok(larger(relative(0), relative(1)))
+        Err(Error::Inaccurate { residual: larger(relative(last[0], first[0]), relative(last[1], first[1])) })
     }
 
     /// The residuals in double precision, scaled and rounded to `out`; gives their largest magnitudes.
@@ -156,7 +168,7 @@ impl Multigrid {
             if l > 0 {
                 passes::advance(level, &fine.direction, [1.0; 2], &mut fine.solution, &mut fine.residual);
                 let start = fine.direction.clone();
-                self.correct(l, arrays, GUESS_ITERATIONS, 0.0, crate::UNWATCHED)?;
+                self.correct(l, arrays, GUESS_ITERATIONS, 0.0, &mut 1.0, crate::UNWATCHED)?;
                 passes::add(&start, &mut arrays[l].solution);
             }
         }
@@ -171,29 +183,34 @@ impl Multigrid {
         arrays: &mut [Arrays],
         iterations: usize,
         tolerance: f64,
+        least: &mut f64,
         watch: Watch,
     ) -> Result<f64, Error> {
         arrays[l].solution.iter_mut().for_each(|values| values.fill(0.0));
         let mut products = [0.0; 2];
         let mut first = 0.0;
         let mut error = f64::INFINITY;
+        let mut spectra = [Lanczos::default(), Lanczos::default()];
         for iteration in 0..iterations {
             watch.go_on()?;
             let tallies = self.cycle(l, arrays)?;
             let most = tallies[0].largest.max(tallies[1].largest);
-            error = SAFETY * f64::from(most);
+            *least = spectra.iter().map(Lanczos::least).fold(*least, f64::min);
+            error = SAFETY * f64::from(most) / *least;
             let arrays = &mut arrays[l];
             if iteration == 0 {
                 first = most;
             }
-            if error <= tolerance || most <= RENEW * first {
+            let is_blurred = iteration > 0 && most <= self.renew * first;
+            if error <= tolerance || is_blurred {
                 passes::add(&arrays.correction, &mut arrays.solution);
-                break;
+                return Ok(if is_blurred { f64::INFINITY } else { error });
             }
             let ratio = |a: f64, b: f64| if b > 0.0 { (a / b) as f32 } else { 0.0 };
             let beta = [0, 1].map(|k| if iteration == 0 { 0.0 } else { ratio(tallies[k].product, products[k]) });
             let energies = passes::direct(&self.levels[l], &arrays.correction, beta, &mut arrays.direction);
             let alpha = [0, 1].map(|k| ratio(tallies[k].product, energies[k]));
+            (0..2).for_each(|k| spectra[k].step(alpha[k].into(), beta[k].into()));
             passes::advance(&self.levels[l], &arrays.direction, alpha, &mut arrays.solution, &mut arrays.residual);
             products = tallies.map(|tally| tally.product);
         }
@@ -243,6 +260,10 @@ impl Multigrid {
     pub(super) fn solve_bytes(&self) -> usize {
         self.levels.iter().map(|level| 8 * level.len() * size_of::<f32>()).sum()
     }
+}
+
+fn relative(residual: f64, right_hand_side: f64) -> f64 {
+    if residual == 0.0 { 0.0 } else { residual / right_hand_side }
 }
 
 /// Bytes of the hierarchy of a lattice: three numbers a node, on all levels.
