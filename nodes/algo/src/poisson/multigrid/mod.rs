@@ -33,7 +33,7 @@ const RENEW_BETWEEN: [f32; 2] = [1.0 / 4096.0, 1.0 / 8.0];
 const ITERATIONS: usize = 24;
 
 /// Double precision residuals at most.
-const ROUNDS: usize = 12;
+const ROUNDS: usize = 40;
 
 /// The largest correction over the least eigenvalue of the preconditioned matrix estimates the error it is made for;
 /// times this it bounds the error that is left once the correction is added.

@@ -24,7 +24,7 @@ impl Interpolation {
     /// The interpolated row; to be asked for the inner rows from the first to the last.
     #[inline(always)]
     pub(super) fn row(&mut self, level: &Level, coarser: &Level, values: &[f32], row: usize) -> &[f32] {
-        if row % 2 == 0 {
+        if row.is_multiple_of(2) {
             return &self.below;
         }
         std::mem::swap(&mut self.above, &mut self.below);
@@ -96,14 +96,14 @@ impl Restriction {
     pub(super) fn row(&mut self, level: &Level, coarser: &Level, values: &[f32], row: usize, out: &mut [f32]) {
         let half = level.half;
         let (even, odd) = values.split_at(half);
-        if row % 2 == 0 {
+        if row.is_multiple_of(2) {
             add(&mut self.nodes[0][..half], even);
             add(&mut self.between[0][..half], odd);
         } else {
             self.odd(level, even, odd, row);
             self.finish(level, coarser, row - 1, out);
         }
-        if row % 2 == 0 && row + 2 == level.rows {
+        if row.is_multiple_of(2) && row + 2 == level.rows {
             self.finish(level, coarser, row, out);
         }
     }
