@@ -73,13 +73,15 @@ fn exact_factor(size: usize, conductances: &Edges) -> Result<Factor, Box<dyn Err
 }
 
 /// Median CPU seconds, and the fields of x and y.
+type Timed = (f64, Vec<Vec<f64>>);
+
 fn solve(
     size: usize,
     factor: &Factor,
     fluxes: &[Edges; 2],
     tolerance: f64,
     runs: usize,
-) -> Result<(f64, Vec<Vec<f64>>), Box<dyn Error>> {
+) -> Result<Timed, Box<dyn Error>> {
     let still = &vec![0.0; size * size][..];
     let mut seconds = Vec::new();
     let mut fields = Vec::new();
