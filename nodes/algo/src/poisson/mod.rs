@@ -306,7 +306,7 @@ impl Factor {
     /// Direct: one refinement step follows where the relative residual is above 1e-12; time and memory traffic
     /// O(n log n) for n unknowns; right-hand sides are best given by the dozen, up to 64 are solved for together. The
     /// substitution runs on one thread. Multigrid: two right-hand sides at a time, conjugate gradients until the
-    /// estimated error, twice the true one or more on all systems tried, is within the tolerance; `Inaccurate` where it
+    /// estimated error, above the true one on all systems tried, is within the tolerance; `Inaccurate` where it
     /// does not get there; linear for a given tolerance, 43 bytes a node and right-hand side. Where all nodes are pinned the fields are the result.
     pub fn solve(&self, fluxes: &[Edges], fields: &[&[f64]], tolerance: f64, watch: Watch) -> Result<Solution, Error> {
         let nodes = self.laplacian.nodes;
