@@ -1,7 +1,7 @@
 //! Forward and backward substitution with a supernodal Cholesky factor for two right-hand sides.
 
+use super::simd::vectorized;
 use faer::sparse::linalg::cholesky::supernodal::SymbolicSupernodalCholesky;
-use pulp::Arch;
 
 /// Columns of the factor taken together.
 const TOGETHER: usize = 4;
@@ -18,7 +18,10 @@ type Local<'a> = [&'a mut [f64]; 2];
 ///
 /// Every entry is read twice. The bits do not depend on the machine.
 pub(super) fn solve(symbolic: &SymbolicSupernodalCholesky<u32>, values: &[f64], [x, y]: [&mut [f64]; 2]) {
-    Arch::new().dispatch(|| walk(symbolic, values, [x, y]));
+    vectorized(
+        #[inline(always)]
+        || walk(symbolic, values, [&mut *x, &mut *y]),
+    );
 }
 
 #[inline(always)]

@@ -177,3 +177,94 @@ fn any_set_of_pins_is_kept_and_solved_around() {
         }
     }
 }
+
+fn by_multigrid(nodes: [usize; 2], conductances: &Edges) -> Factor {
+    let laplacian = GridLaplacian::new(nodes, conductances.clone(), Pins::Frame);
+    let multigrid = Multigrid::new(&laplacian, UNWATCHED).expect("positive conductances");
+    Factor { laplacian, backend: Backend::Multigrid(Box::new(multigrid)) }
+}
+
+/// Conductances of a lattice with stiff discs, and fluxes that bend them, for x and y.
+fn stiff_discs([columns, rows]: [usize; 2], weight: f64, radius: f64, seed: u32) -> (Edges, [Edges; 2]) {
+    let mut number = noise(seed);
+    let mut within = |most: usize| (number() + 1.0) / 2.0 * most as f64;
+    let discs: Vec<[f64; 3]> =
+        (0..6).map(|_| [within(columns), within(rows), 2.0 + within(columns.min(rows) / 5)]).collect();
+    let stiffness = |column: usize, row: usize| {
+        let gap = |[x, y, size]: &[f64; 3]| (column as f64 - x).hypot(row as f64 - y) - size;
+        let nearest = discs.iter().map(gap).fold(f64::INFINITY, f64::min).max(0.0);
+        let part = if radius > 0.0 { (nearest / radius).min(1.0) } else { f64::from(nearest > 0.0) };
+        (1.0 + (weight - 1.0) * (2.0 * part.powi(3) - 3.0 * part.powi(2) + 1.0)).powi(2)
+    };
+    let horizontal = |edge: usize| stiffness(edge % (columns - 1), edge / (columns - 1));
+    let vertical = |edge: usize| stiffness(edge % columns, edge / columns);
+    let mut conductances = Edges::zeros([columns, rows]);
+    conductances.horizontal.iter_mut().enumerate().for_each(|(edge, c)| *c = horizontal(edge));
+    conductances.vertical.iter_mut().enumerate().for_each(|(edge, c)| *c = vertical(edge));
+    let asked = |c: &f64, wave: f64| if *c > 1.0 { c * wave.sin() } else { 0.0 };
+    let fluxes = [0.05, 0.31].map(|pace| Edges {
+        horizontal: conductances.horizontal.iter().enumerate().map(|(i, c)| asked(c, pace * i as f64)).collect(),
+        vertical: conductances
+            .vertical
+            .iter()
+            .enumerate()
+            .map(|(i, c)| asked(c, 1.0 + pace * (i % 97) as f64))
+            .collect(),
+    });
+    (conductances, fluxes)
+}
+
+#[test]
+fn multigrid_keeps_its_tolerance() {
+    let shapes = [[40, 33], [33, 40], [65, 65], [64, 64], [11, 11], [10, 200], [97, 50], [130, 121]];
+    for (k, nodes) in shapes.into_iter().enumerate() {
+        for (weight, radius) in [(1.0001, 0.0), (10.0, 2.0), (10.0, 0.0), (30.0, 1.0), (100.0, 8.0), (100.0, 0.0)] {
+            let (conductances, fluxes) = stiff_discs(nodes, weight, radius, k as u32);
+            let mut number = noise(77);
+            let pinned: Vec<f64> = (0..nodes[0] * nodes[1]).map(|_| 5.0 * number()).collect();
+            let exact =
+                factored(nodes, &conductances).solve(&fluxes, &[&pinned, &pinned], 1.0, UNWATCHED).expect("solved");
+            let factor = by_multigrid(nodes, &conductances);
+            for tolerance in [1e-2, 1e-3, 1e-6] {
+                let solved = factor.solve(&fluxes, &[&pinned, &pinned], tolerance, UNWATCHED).expect("solved");
+                let apart =
+                    solved.fields.iter().flatten().zip(exact.fields.iter().flatten()).map(|(a, b)| (a - b).abs());
+                let error = apart.fold(0.0, f64::max);
+                assert!(error <= tolerance, "{nodes:?} weight {weight} radius {radius}: {error:e} for {tolerance:e}");
+                assert_eq!(solved.fields[0][..nodes[0]], pinned[..nodes[0]], "the frame");
+            }
+        }
+    }
+}
+
+#[test]
+fn multigrid_serves_any_count_of_right_hand_sides() {
+    let nodes = [50, 41];
+    let (conductances, [one, two]) = stiff_discs(nodes, 10.0, 2.0, 4);
+    let factor = by_multigrid(nodes, &conductances);
+    let still = vec![0.0; 2050];
+    let three =
+        factor.solve(&[one.clone(), two.clone(), one.clone()], &[&still[..]; 3], 1e-4, UNWATCHED).expect("solved");
+    let pair = factor.solve(&[one, two], &[&still[..]; 2], 1e-4, UNWATCHED).expect("solved");
+    assert_eq!(three.fields[..2], pair.fields);
+    assert!(three.fields[2].iter().zip(&pair.fields[0]).all(|(a, b)| (a - b).abs() < 2e-4));
+    let quiet = factor.solve(&[Edges::zeros(nodes)], &[&still], 1e-4, UNWATCHED).expect("solved");
+    assert_eq!((quiet.fields, quiet.residual), (vec![still], 0.0));
+}
+
+#[test]
+fn only_large_framed_lattices_of_moderate_contrast_go_to_multigrid() {
+    let backend = |nodes: [usize; 2], pins: Pins, first: f64| {
+        let mut conductances = random_edges(nodes, || 1.0);
+        conductances.vertical[2 * nodes[0] - 2] = first;
+        GridLaplacian::new(nodes, conductances, pins).suits_multigrid()
+    };
+    let mask = |count: usize| Pins::Nodes((0..count).map(|node| node == 0).collect());
+    assert!(backend([300, 300], Pins::Frame, 1.0));
+    assert!(!backend([100, 100], Pins::Frame, 1.0));
+    assert!(!backend([5000, 20], Pins::Frame, 1.0));
+    assert!(!backend([300, 300], mask(90_000), 1.0));
+    for wrong in [0.0, -1.0, 1e12, f64::NAN, f64::INFINITY] {
+        assert!(!backend([300, 300], Pins::Frame, wrong), "{wrong}");
+    }
+}

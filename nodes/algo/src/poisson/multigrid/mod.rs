@@ -1,0 +1,284 @@
+//! The multigrid backend: conjugate gradients in single precision on corrections, preconditioned by a V-cycle, with
+//! residuals in double precision around them.
+//!
+//! A coarser lattice has every other node. A cycle sweeps red-black before and black-red after it goes coarser, so it
+//! is symmetric. The first guess is a full multigrid's: the coarser system's solution, itself found so.
+
+mod level;
+mod passes;
+mod spectrum;
+mod transfer;
+
+use super::direct::Cholesky;
+use super::{Edges, Error, GridLaplacian, Pins, larger, largest};
+use crate::Watch;
+use level::Level;
+use passes::{Pair, Tally};
+use spectrum::Lanczos;
+
+/// Lattices with at most so many columns or rows are not made coarser.
+const COARSEST: usize = 9;
+
+/// Iterations that a coarser system is solved with for a first guess.
+const GUESS_ITERATIONS: usize = 2;
+
+/// Single precision follows an error down to this part of it, times the largest over the least diagonal entry; then
+/// the residual is computed anew in double precision.
+const RENEW: f32 = 2.4e-6;
+
+/// Bounds of that part.
+const RENEW_BETWEEN: [f32; 2] = [1.0 / 4096.0, 1.0 / 8.0];
+
+/// Iterations between two residuals in double precision at most.
+const ITERATIONS: usize = 24;
+
+/// Double precision residuals at most.
+const ROUNDS: usize = 40;
+
+/// The largest correction over the least eigenvalue of the preconditioned matrix estimates the error it is made for;
+/// times this it bounds the error that is left once the correction is added.
+const SAFETY: f64 = 1.5;
+
+#[derive(Debug)]
+pub(super) struct Multigrid {
+    levels: Vec<Level>,
+    coarsest: Cholesky,
+    /// What single precision conductances and residuals are multiplied by.
+    scale: f64,
+    /// Part of the first correction after which residuals are computed anew.
+    renew: f32,
+}
+
+/// The arrays of one level.
+struct Arrays {
+    residual: Pair,
+    correction: Pair,
+    direction: Pair,
+    solution: Pair,
+}
+
+impl Arrays {
+    fn new(level: &Level) -> Self {
+        let pair = || [vec![0.0; level.len()], vec![0.0; level.len()]];
+        Self { residual: pair(), correction: pair(), direction: pair(), solution: pair() }
+    }
+}
+
+impl Multigrid {
+    /// The hierarchy of a Laplacian pinned on its frame, with positive conductances.
+    pub(super) fn new(laplacian: &GridLaplacian, watch: Watch) -> Result<Self, Error> {
+        let Edges { horizontal, vertical } = &laplacian.conductances;
+        watch.reserve(held_bytes(laplacian.nodes))?;
+        let scale = 1.0 / larger(largest(horizontal), largest(vertical));
+        let mut levels = vec![Level::finest(laplacian.nodes, horizontal, vertical, scale)];
+        while let Some(finest) = levels.last().filter(|level| level.columns.min(level.rows) > COARSEST) {
+            watch.go_on()?;
+            let coarser = finest.coarser();
+            levels.push(coarser);
+        }
+        let coarsest = coarsest(&levels[levels.len() - 1], watch)?;
+        let inner = || levels[0].inverse.iter().filter(|inverse| **inverse > 0.0);
+        let contrast = inner().fold(0.0, |a: f32, b| a.max(*b)) / inner().fold(f32::INFINITY, |a, b| a.min(*b));
+        let renew = (RENEW * contrast).clamp(RENEW_BETWEEN[0], RENEW_BETWEEN[1]);
+        Ok(Self { levels, coarsest, scale, renew })
+    }
+
+    /// Solves for two right-hand sides, the unknowns of `fields` 0 at first; gives the relative residual.
+    pub(super) fn solve(
+        &self,
+        laplacian: &GridLaplacian,
+        fluxes: [&Edges; 2],
+        fields: [&mut [f64]; 2],
+        tolerance: f64,
+        watch: Watch,
+    ) -> Result<f64, Error> {
+        let mut arrays: Vec<Arrays> = self.levels.iter().map(Arrays::new).collect();
+        let [one, two] = fields;
+        let first = self.load(laplacian, fluxes, [one, two], &mut arrays[0].residual);
+        self.guess(&mut arrays)?;
+        for (field, solution) in [&mut *one, &mut *two].into_iter().zip(&arrays[0].direction) {
+            self.add(solution, field);
+        }
+        let mut least = 0.75;
+        for _ in 0..ROUNDS {
+            watch.go_on()?;
+            self.load(laplacian, fluxes, [one, two], &mut arrays[0].residual);
+            let error = self.correct(0, &mut arrays, ITERATIONS, tolerance, &mut least, watch)?;
+            for (field, solution) in [&mut *one, &mut *two].into_iter().zip(&arrays[0].solution) {
+                self.add(solution, field);
+            }
+            if error <= tolerance {
+                let last = self.load(laplacian, fluxes, [one, two], &mut arrays[0].residual);
+                return Ok(larger(relative(last[0], first[0]), relative(last[1], first[1])));
+            }
+        }
+        let last = self.load(laplacian, fluxes, [one, two], &mut arrays[0].residual);
+        Err(Error::Inaccurate { residual: larger(relative(last[0], first[0]), relative(last[1], first[1])) })
+    }
+
+    /// The residuals in double precision, scaled and rounded to `out`; gives their largest magnitudes.
+    fn load(&self, laplacian: &GridLaplacian, fluxes: [&Edges; 2], fields: [&[f64]; 2], out: &mut Pair) -> [f64; 2] {
+        let level = &self.levels[0];
+        let mut row_values = vec![0.0; level.columns];
+        let mut most = [0.0; 2];
+        for row in 1..level.rows - 1 {
+            for k in 0..2 {
+                laplacian.residual_row(fluxes[k], fields[k], row, &mut row_values);
+                let inner = &mut row_values[..level.columns - 1];
+                inner[0] = 0.0;
+                most[k] = larger(most[k], largest(inner));
+                let at = 2 * level.half * row;
+                passes::round(inner, self.scale, level.half, &mut out[k][at..at + 2 * level.half]);
+            }
+        }
+        most
+    }
+
+    /// Adds the values of the finest level to a field.
+    fn add(&self, values: &[f32], field: &mut [f64]) {
+        let level = &self.levels[0];
+        for (row, field) in field.chunks_mut(level.columns).enumerate() {
+            let (even, odd) = level.row(values, row).split_at(level.half);
+            for ((pair, even), odd) in field.chunks_mut(2).zip(even).zip(odd) {
+                pair[0] += f64::from(*even);
+                if let Some(value) = pair.get_mut(1) {
+                    *value += f64::from(*odd);
+                }
+            }
+        }
+    }
+
+    /// A full multigrid's first guess for the residual of the finest level, in its `direction`.
+    fn guess(&self, arrays: &mut [Arrays]) -> Result<(), Error> {
+        let last = self.levels.len() - 1;
+        for l in 0..last {
+            let (fine, coarse) = arrays.split_at_mut(l + 1);
+            passes::restrict(&self.levels[l], &self.levels[l + 1], &fine[l].residual, &mut coarse[0].residual);
+        }
+        if last == 0 {
+            return Ok(());
+        }
+        self.solve_coarsest(&mut arrays[last])?;
+        let (solution, correction) = (&mut arrays[last].solution, &arrays[last].correction);
+        solution.iter_mut().zip(correction).for_each(|(solution, correction)| solution.copy_from_slice(correction));
+        for l in (0..last).rev() {
+            let (fine, coarse) = arrays.split_at_mut(l + 1);
+            let (level, fine) = (&self.levels[l], &mut fine[l]);
+            passes::interpolate(level, &self.levels[l + 1], &coarse[0].solution, &mut fine.direction);
+            if l > 0 {
+                passes::advance(level, &fine.direction, [1.0; 2], &mut fine.solution, &mut fine.residual);
+                let start = fine.direction.clone();
+                self.correct(l, arrays, GUESS_ITERATIONS, 0.0, &mut 1.0, crate::UNWATCHED)?;
+                passes::add(&start, &mut arrays[l].solution);
+            }
+        }
+        Ok(())
+    }
+
+    /// Conjugate gradients for the residual of a level: its `solution` becomes the correction. Gives a bound of the
+    /// error left.
+    fn correct(
+        &self,
+        l: usize,
+        arrays: &mut [Arrays],
+        iterations: usize,
+        tolerance: f64,
+        least: &mut f64,
+        watch: Watch,
+    ) -> Result<f64, Error> {
+        arrays[l].solution.iter_mut().for_each(|values| values.fill(0.0));
+        let mut products = [0.0; 2];
+        let mut first = 0.0;
+        let mut error = f64::INFINITY;
+        let mut spectra = [Lanczos::default(), Lanczos::default()];
+        for iteration in 0..iterations {
+            watch.go_on()?;
+            let tallies = self.cycle(l, arrays)?;
+            let most = tallies[0].largest.max(tallies[1].largest);
+            *least = spectra.iter().map(Lanczos::least).fold(*least, f64::min);
+            error = SAFETY * f64::from(most) / *least;
+            let arrays = &mut arrays[l];
+            if iteration == 0 {
+                first = most;
+            }
+            let is_blurred = iteration > 0 && most <= self.renew * first;
+            if error <= tolerance || is_blurred {
+                passes::add(&arrays.correction, &mut arrays.solution);
+                return Ok(if is_blurred { f64::INFINITY } else { error });
+            }
+            let ratio = |a: f64, b: f64| if b > 0.0 { (a / b) as f32 } else { 0.0 };
+            let beta = [0, 1].map(|k| if iteration == 0 { 0.0 } else { ratio(tallies[k].product, products[k]) });
+            let energies = passes::direct(&self.levels[l], &arrays.correction, beta, &mut arrays.direction);
+            let alpha = [0, 1].map(|k| ratio(tallies[k].product, energies[k]));
+            (0..2).for_each(|k| spectra[k].step(alpha[k].into(), beta[k].into()));
+            passes::advance(&self.levels[l], &arrays.direction, alpha, &mut arrays.solution, &mut arrays.residual);
+            products = tallies.map(|tally| tally.product);
+        }
+        Ok(error)
+    }
+
+    /// One V-cycle for the residual of a level, from 0: its `correction`.
+    fn cycle(&self, l: usize, arrays: &mut [Arrays]) -> Result<[Tally; 2], Error> {
+        if l + 1 == self.levels.len() {
+            return self.solve_coarsest(&mut arrays[l]);
+        }
+        let (level, coarser) = (&self.levels[l], &self.levels[l + 1]);
+        let (fine, coarse) = arrays.split_at_mut(l + 1);
+        passes::descend(level, coarser, &fine[l].residual, &mut coarse[0].residual);
+        self.cycle(l + 1, arrays)?;
+        let (fine, coarse) = arrays.split_at_mut(l + 1);
+        let Arrays { residual, correction, .. } = &mut fine[l];
+        Ok(passes::ascend(level, coarser, residual, &coarse[0].correction, correction))
+    }
+
+    fn solve_coarsest(&self, arrays: &mut Arrays) -> Result<[Tally; 2], Error> {
+        let level = &self.levels[self.levels.len() - 1];
+        let place = |node: usize| {
+            let (column, row) = (node % level.columns, node / level.columns);
+            (2 * row + column % 2) * level.half + column / 2
+        };
+        let count = level.columns * level.rows;
+        let right_hand_sides: Vec<Vec<f64>> =
+            arrays.residual.iter().map(|b| (0..count).map(|node| f64::from(b[place(node)])).collect()).collect();
+        let mut fields = vec![vec![0.0; count]; 2];
+        self.coarsest.add_solutions(&right_hand_sides, &mut fields)?;
+        let mut tallies = [Tally::default(); 2];
+        for (k, (field, b)) in fields.iter().zip(&right_hand_sides).enumerate() {
+            field.iter().enumerate().for_each(|(node, value)| arrays.correction[k][place(node)] = *value as f32);
+            tallies[k].product = field.iter().zip(b).map(|(a, b)| a * b).sum();
+            tallies[k].largest = largest(field) as f32;
+        }
+        Ok(tallies)
+    }
+
+    /// Bytes held.
+    pub(super) fn bytes(&self) -> usize {
+        self.levels.iter().map(|level| 3 * level.len() * size_of::<f32>()).sum::<usize>() + self.coarsest.bytes()
+    }
+
+    /// Bytes that a solve takes beside the fields.
+    pub(super) fn solve_bytes(&self) -> usize {
+        self.levels.iter().map(|level| 8 * level.len() * size_of::<f32>()).sum()
+    }
+}
+
+fn relative(residual: f64, right_hand_side: f64) -> f64 {
+    if residual == 0.0 { 0.0 } else { residual / right_hand_side }
+}
+
+/// Bytes of the hierarchy of a lattice: three numbers a node, on all levels.
+fn held_bytes([columns, rows]: [usize; 2]) -> usize {
+    16 * columns * rows
+}
+
+fn coarsest(level: &Level, watch: Watch) -> Result<Cholesky, Error> {
+    let nodes = [level.columns, level.rows];
+    let edge = |edges: &[f32], column: usize, row: usize| f64::from(level.edge(edges, column, row));
+    let horizontal = (0..nodes[1]).flat_map(|row| (0..nodes[0] - 1).map(move |column| (column, row)));
+    let vertical = (0..nodes[1] - 1).flat_map(|row| (0..nodes[0]).map(move |column| (column, row)));
+    let conductances = Edges {
+        horizontal: horizontal.map(|(column, row)| edge(&level.right, column, row)).collect(),
+        vertical: vertical.map(|(column, row)| edge(&level.down, column, row)).collect(),
+    };
+    Cholesky::new(&GridLaplacian::new(nodes, conductances, Pins::Frame), watch)
+}

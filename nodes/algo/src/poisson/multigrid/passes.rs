@@ -1,0 +1,301 @@
+//! Passes over the rows of one level, for two right-hand sides; smoothing sweeps follow each other a row apart, so
+//! that an array crosses the memory bus once.
+//!
+//! Red nodes are those with an even sum of column and row, black the others.
+
+use super::super::simd::vectorized;
+use super::level::{Level, halves, rows_around};
+use super::transfer::{Interpolation, Restriction};
+
+/// Partial sums and maxima, so that their order does not depend on the machine's vectors.
+const LANES: usize = 16;
+
+/// An array over the nodes for each right-hand side.
+pub(super) type Pair = [Vec<f32>; 2];
+
+/// What a cycle tells about its correction.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Tally {
+    /// Scalar product of the residual and the correction.
+    pub(super) product: f64,
+    /// Largest magnitude of the correction.
+    pub(super) largest: f32,
+}
+
+/// One red-black sweep from 0 for the right-hand side `b`, and what it leaves, restricted to `out`.
+pub(super) fn descend(level: &Level, coarser: &Level, b: &Pair, out: &mut Pair) {
+    vectorized(
+        #[inline(always)]
+        || {
+            for (b, out) in b.iter().zip(&mut *out) {
+                descend_one(level, coarser, b, out);
+            }
+        },
+    );
+}
+
+#[inline(always)]
+fn descend_one(level: &Level, coarser: &Level, b: &[f32], out: &mut [f32]) {
+    let (half, last) = (level.half, level.rows - 2);
+    let mut ring: [Vec<f32>; 4] = std::array::from_fn(|_| vec![0.0; 2 * half]);
+    let mut rest = vec![0.0; 2 * half];
+    let mut restriction = Restriction::new(level);
+    for step in 1..=last + 2 {
+        if step <= last {
+            let (s, row) = (step % 2, &mut ring[step % 4]);
+            let (first, end) = level.inner(s);
+            let b = &level.half_row(b, step, s)[first..end];
+            let inverse = &level.half_row(&level.inverse, step, s)[first..end];
+            let out = &mut row[s * half + first..s * half + end];
+            out.iter_mut().zip(b).zip(inverse).for_each(|((out, b), inverse)| *out = b * inverse);
+        } else {
+            ring[step % 4].fill(0.0);
+        }
+        if (2..=last + 1).contains(&step) {
+            let row = step - 1;
+            let s = 1 - row % 2;
+            let mut here = std::mem::take(&mut ring[row % 4]);
+            let (target, beside) = halves(&mut here, half, s);
+            let [up, down] = [&ring[(row + 3) % 4], &ring[(row + 1) % 4]].map(|row| &row[s * half..(s + 1) * half]);
+            let (first, end) = level.inner(s);
+            let around = level.around(s, up, beside, down);
+            level.stencil(row, s).relax(&level.half_row(b, row, s)[first..], &around, &mut target[first..end]);
+            ring[row % 4] = here;
+        }
+        if step >= 3 {
+            let row = step - 2;
+            let s = row % 2;
+            let half_of = |row: usize, s: usize| &ring[row % 4][s * half..(s + 1) * half];
+            let (first, end) = level.inner(s);
+            let n = end - first;
+            let around = level.around(s, half_of(row - 1, s), half_of(row, 1 - s), half_of(row + 1, s)).cut(n);
+            let stencil = level.stencil(row, s).cut(n);
+            rest[(1 - s) * half..(2 - s) * half].fill(0.0);
+            let remainder = &mut rest[s * half + first..][..n];
+            for i in 0..n {
+                remainder[i] = stencil.flow(i, &around);
+            }
+            restriction.row(level, coarser, &rest, row, out);
+        }
+    }
+}
+
+/// Adds the coarse correction to the sweep from 0 that [`descend`] made, then sweeps black and red: `z`.
+pub(super) fn ascend(level: &Level, coarser: &Level, b: &Pair, coarse: &Pair, z: &mut Pair) -> [Tally; 2] {
+    let mut tallies = [Tally::default(); 2];
+    vectorized(
+        #[inline(always)]
+        || {
+            for k in 0..2 {
+                tallies[k] = ascend_one(level, coarser, &b[k], &coarse[k], &mut z[k]);
+            }
+        },
+    );
+    tallies
+}
+
+#[inline(always)]
+fn ascend_one(level: &Level, coarser: &Level, b: &[f32], coarse: &[f32], z: &mut [f32]) -> Tally {
+    let (half, last) = (level.half, level.rows - 2);
+    let mut interpolation = Interpolation::new(level);
+    let mut tally = Tally::default();
+    for step in 1..=last + 2 {
+        if step <= last {
+            let s = step % 2;
+            let (first, end) = level.inner(s);
+            let n = end - first;
+            let correction = &interpolation.row(level, coarser, coarse, step)[s * half + first..][..n];
+            let b = &level.half_row(b, step, s)[first..][..n];
+            let inverse = &level.half_row(&level.inverse, step, s)[first..][..n];
+            let out = &mut z[(2 * step + s) * half + first..][..n];
+            for i in 0..n {
+                out[i] = b[i] * inverse[i] + correction[i];
+            }
+        }
+        if (2..=last + 1).contains(&step) {
+            relax(level, b, z, step - 1, 1 - (step - 1) % 2);
+        }
+        if step >= 3 {
+            let row = step - 2;
+            relax(level, b, z, row, row % 2);
+            let (b, z) = (level.row(b, row), level.row(z, row));
+            tally.product += product(b, z);
+            tally.largest = tally.largest.max(largest(z));
+        }
+    }
+    tally
+}
+
+#[inline(always)]
+fn relax(level: &Level, b: &[f32], z: &mut [f32], row: usize, s: usize) {
+    let half = level.half;
+    let (up, here, down) = rows_around(z, row, 2 * half);
+    let (target, beside) = halves(here, half, s);
+    let (first, end) = level.inner(s);
+    let around = level.around(s, &up[s * half..], beside, &down[s * half..]);
+    level.stencil(row, s).relax(&level.half_row(b, row, s)[first..], &around, &mut target[first..end]);
+}
+
+/// `p = z + beta p` and the energies `p . A p`.
+pub(super) fn direct(level: &Level, z: &Pair, beta: [f32; 2], p: &mut Pair) -> [f64; 2] {
+    let mut energies = [0.0; 2];
+    vectorized(
+        #[inline(always)]
+        || {
+            for k in 0..2 {
+                energies[k] = direct_one(level, &z[k], beta[k], &mut p[k]);
+            }
+        },
+    );
+    energies
+}
+
+#[inline(always)]
+fn direct_one(level: &Level, z: &[f32], beta: f32, p: &mut [f32]) -> f64 {
+    let (half, stride) = (level.half, 2 * level.half);
+    let mut energy = 0.0;
+    for row in 1..level.rows {
+        let (above, rest) = p.split_at_mut(row * stride);
+        let (above, here) = (&above[(row - 1) * stride..], &mut rest[..stride]);
+        here.iter_mut().zip(level.row(z, row)).for_each(|(p, z)| *p = z + beta * *p);
+        let (even, odd) = here.split_at(half);
+        energy += drops(level.half_row(&level.right, row, 0), even, odd)
+            + drops(&level.half_row(&level.right, row, 1)[..half - 1], &odd[..half - 1], &even[1..])
+            + drops(level.row(&level.down, row - 1), above, here);
+    }
+    energy
+}
+
+/// `x += alpha p` and `r -= alpha A p`.
+pub(super) fn advance(level: &Level, p: &Pair, alpha: [f32; 2], x: &mut Pair, r: &mut Pair) {
+    vectorized(
+        #[inline(always)]
+        || {
+            for k in 0..2 {
+                advance_one(level, &p[k], alpha[k], &mut x[k], &mut r[k]);
+            }
+        },
+    );
+}
+
+#[inline(always)]
+fn advance_one(level: &Level, p: &[f32], alpha: f32, x: &mut [f32], r: &mut [f32]) {
+    let half = level.half;
+    for row in 1..level.rows - 1 {
+        for s in 0..2 {
+            let (first, end) = level.inner(s);
+            let n = end - first;
+            let [up, beside, down] =
+                [(row - 1, s), (row, 1 - s), (row + 1, s)].map(|(row, s)| level.half_row(p, row, s));
+            let (stencil, around) = (level.stencil(row, s).cut(n), level.around(s, up, beside, down).cut(n));
+            let here = &level.half_row(p, row, s)[first..][..n];
+            let at = (2 * row + s) * half + first;
+            let (x, r) = (&mut x[at..][..n], &mut r[at..][..n]);
+            for i in 0..n {
+                let sum = (stencil.up[i] + stencil.down[i]) + (stencil.left[i] + stencil.right[i]);
+                x[i] += alpha * here[i];
+                r[i] -= alpha * (sum * here[i] - stencil.flow(i, &around));
+            }
+        }
+    }
+}
+
+/// `x += z`.
+pub(super) fn add(z: &Pair, x: &mut Pair) {
+    for (z, x) in z.iter().zip(x) {
+        x.iter_mut().zip(z).for_each(|(x, z)| *x += z);
+    }
+}
+
+/// The values of every node, restricted.
+pub(super) fn restrict(level: &Level, coarser: &Level, b: &Pair, out: &mut Pair) {
+    vectorized(
+        #[inline(always)]
+        || {
+            for (b, out) in b.iter().zip(&mut *out) {
+                let mut restriction = Restriction::new(level);
+                for row in 1..level.rows - 1 {
+                    restriction.row(level, coarser, level.row(b, row), row, out);
+                }
+            }
+        },
+    );
+}
+
+/// The coarse values, interpolated at every node.
+pub(super) fn interpolate(level: &Level, coarser: &Level, coarse: &Pair, out: &mut Pair) {
+    vectorized(
+        #[inline(always)]
+        || {
+            for (coarse, out) in coarse.iter().zip(&mut *out) {
+                let mut interpolation = Interpolation::new(level);
+                for row in 1..level.rows - 1 {
+                    let at = 2 * level.half * row;
+                    let values = interpolation.row(level, coarser, coarse, row);
+                    out[at..at + 2 * level.half].copy_from_slice(values);
+                }
+            }
+        },
+    );
+}
+
+/// A row of values times `scale`, split into even and odd columns.
+pub(super) fn round(values: &[f64], scale: f64, half: usize, out: &mut [f32]) {
+    let (even, odd) = out.split_at_mut(half);
+    vectorized(
+        #[inline(always)]
+        || {
+            let pairs = values.chunks_exact(2);
+            if let [last] = pairs.remainder() {
+                even[values.len() / 2] = (last * scale) as f32;
+            }
+            for ((pair, even), odd) in pairs.zip(&mut *even).zip(&mut *odd) {
+                (*even, *odd) = ((pair[0] * scale) as f32, (pair[1] * scale) as f32);
+            }
+        },
+    );
+}
+
+/// Sum of `c (b - a)^2`.
+#[inline(always)]
+fn drops(c: &[f32], a: &[f32], b: &[f32]) -> f64 {
+    let (a, b) = (&a[..c.len()], &b[..c.len()]);
+    fold(c.len(), |i, sum| {
+        let drop = b[i] - a[i];
+        sum + c[i] * (drop * drop)
+    })
+}
+
+#[inline(always)]
+fn product(a: &[f32], b: &[f32]) -> f64 {
+    let b = &b[..a.len()];
+    fold(a.len(), |i, sum| sum + a[i] * b[i])
+}
+
+#[inline(always)]
+fn fold(length: usize, step: impl Fn(usize, f32) -> f32) -> f64 {
+    let whole = length - length % LANES;
+    let mut sums = [0.0_f32; LANES];
+    for at in (0..whole).step_by(LANES) {
+        for lane in 0..LANES {
+            sums[lane] = step(at + lane, sums[lane]);
+        }
+    }
+    for at in whole..length {
+        sums[at - whole] = step(at, sums[at - whole]);
+    }
+    sums.iter().map(|sum| f64::from(*sum)).sum()
+}
+
+#[inline(always)]
+fn largest(values: &[f32]) -> f32 {
+    let runs = values.chunks_exact(LANES);
+    let rest = runs.remainder().iter().fold(0.0_f32, |most, value| most.max(value.abs()));
+    let mut most = [0.0_f32; LANES];
+    for run in runs {
+        for lane in 0..LANES {
+            most[lane] = if run[lane].abs() > most[lane] { run[lane].abs() } else { most[lane] };
+        }
+    }
+    most.iter().fold(rest, |a, b| a.max(*b))
+}
