@@ -11,6 +11,7 @@
 
 mod cells;
 mod fit;
+pub mod guard;
 mod local;
 mod weights;
 
