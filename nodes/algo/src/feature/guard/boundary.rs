@@ -133,7 +133,7 @@ mod tests {
         };
         for _ in 0..400 {
             let mut x = Positions::from_map(&lattice(nodes), |p| p);
-            x.x.iter_mut().chain(&mut x.y).for_each(|value| *value += 0.62 * number());
+            x.x.iter_mut().chain(&mut x.y).for_each(|value| *value += 0.8 * number());
             let at = |i: usize| Coord { x: x.x[around[i % n]], y: x.y[around[i % n]] };
             let pairs = (0..n).flat_map(|i| (i + 2..n).map(move |j| [i, j])).filter(|&[i, j]| (i + n - j) % n != 1);
             let any = pairs.into_iter().any(|[i, j]| touch([at(i), at(i + 1)], [at(j), at(j + 1)]));

@@ -1,9 +1,11 @@
 //! The functional that a feature-aware warp minimises.
 
 use super::shape::Field;
-use super::{Freedom, Functional};
+use super::system::{Blocks, System};
+use super::{Error, Freedom, Functional};
+use crate::Watch;
 use crate::lattice::Positions;
-use crate::poisson::Edges;
+use crate::poisson::{self, Edges};
 
 /// An edge: its index among those of its direction, and the nodes it leads from and to.
 pub(super) type Edge = (usize, usize, usize);
@@ -30,6 +32,18 @@ impl Functional<'_> {
                 .sum()
         };
         part(|edges| &edges.horizontal, &mut self.horizontal()) + part(|edges| &edges.vertical, &mut self.vertical())
+    }
+
+    /// Where the energy is least, the literal solution: one sparse Cholesky factorization of all free coordinates.
+    ///
+    /// The base where nothing may move. Fails where the conductances are not positive or nothing is pinned. It serves
+    /// any [`Freedom`]; of pinned frames [`crate::poisson`] makes less work. O(n^1.5) time, O(n log n) memory.
+    pub fn minimiser(&self, watch: Watch) -> Result<Positions, Error> {
+        let Some(mut system) = System::new(self.lattice.nodes, self.freedom, watch)? else {
+            return Ok(self.base.clone());
+        };
+        let step = system.step(&Blocks::new(self), &self.gradient(self.base));
+        Ok(moved(self.base, &step.ok_or(poisson::Error::NotPositiveDefinite)?, 1.0))
     }
 
     /// `sum of c |s_q - s_p|^2`: the second order of the energy along a step.

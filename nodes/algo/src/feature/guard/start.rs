@@ -1,12 +1,11 @@
 //! Warps without folds to start from.
 
 use super::boundary::{doubled_area, frame};
-use super::functional::moved;
 use super::shape::Shape;
-use super::system::{Blocks, System};
 use super::{Error, Freedom, Functional};
 use crate::Watch;
 use crate::lattice::Positions;
+use crate::poisson;
 use crate::warp::certify;
 
 /// Share of the start's least Jacobian, or of 1, that a repair may use up to.
@@ -51,15 +50,13 @@ pub(super) fn mean_jacobian(functional: &Functional) -> f64 {
 
 /// Every node the mean of its neighbours weighted by the conductances, but those that are not free as in the base.
 ///
-/// None where the system cannot be solved, or nothing is free.
+/// None where the system cannot be solved.
 fn combination(functional: &Functional, watch: Watch) -> Result<Option<Positions>, Error> {
     let pin = |freedom: &Freedom| if *freedom == Freedom::Free { Freedom::Free } else { Freedom::Pinned };
     let freedom: Vec<Freedom> = functional.freedom.iter().map(pin).collect();
-    let Some(mut system) = System::new(functional.lattice.nodes, &freedom, watch)? else {
-        return Ok(None);
-    };
     let fluxes = functional.contraction();
-    let contraction = Functional { fluxes: &fluxes, ..*functional };
-    let step = system.step(&Blocks::new(functional), &contraction.gradient(functional.base));
-    Ok(step.map(|step| moved(functional.base, &step, 1.0)))
+    match (Functional { fluxes: &fluxes, freedom: &freedom, ..*functional }).minimiser(watch) {
+        Err(Error::Poisson(poisson::Error::NotPositiveDefinite)) => Ok(None),
+        found => found.map(Some),
+    }
 }
