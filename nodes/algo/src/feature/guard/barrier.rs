@@ -168,7 +168,7 @@ fn positive_part([a, b, c]: [f64; 3]) -> [f64; 3] {
         return [a, b, c];
     }
     let top = mean + radius;
-    if !(top > 0.0) || radius == 0.0 {
+    if top <= 0.0 || top.is_nan() || radius == 0.0 {
         return [0.0; 3];
     }
     // top times the projector on its eigenvector.

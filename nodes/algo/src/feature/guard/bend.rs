@@ -2,9 +2,10 @@
 
 use super::barrier::Barrier;
 use super::boundary::{crossing, frame};
+use super::coarse::Coarse;
 use super::functional::{difference, moved};
 use super::newton::{Judge, Newton};
-use super::shape::{Shape, in_single_precision};
+use super::shape::{Shape, exact_cross, in_single_precision};
 use super::start::{Start, mean_jacobian};
 use super::system::{Blocks, System};
 use super::{Error, Freedom, Functional};
@@ -42,23 +43,60 @@ impl Bend<'_> {
             Start::Free { positions, .. } => (positions, 0),
             Start::Folded { combination } => {
                 let (positions, steps) = self.untangle(&combination, &blocks, &mut system, watch)?;
-                if self.shape.least_exactly(&positions) < 2.0 * self.floor {
+                if self.shape.least_exactly(&positions) < 3.0 * self.floor {
                     return Ok((self.best_folded(positions), steps));
                 }
                 (positions, steps)
             }
         };
         let judge = self.judge(&from);
-        let mut x = self.towards_literal(&from, &judge, 0.9).unwrap_or_else(|| from.clone());
-        let level = self.level();
-        let of_corner =
-            |(number, corner)| (number, f64::max(REACH * self.shape.jacobian(&from, corner).min(1.0), 2.0 * level));
-        let mut reach = vec![f64::INFINITY; self.shape.corner_count()];
-        self.shape.movable().map(of_corner).for_each(|(number, jacobian): (usize, f64)| reach[number] = jacobian);
-        let barrier = self.barrier(level, reach);
-        let mut newton = Newton { functional, barrier, blocks: &blocks, system: &mut system };
-        let steps = newton.descend(&mut x, Some(&judge), STEPS, watch)?;
+        let (x, steps) = self.descend(&from, Some(&judge), &blocks, &mut system, watch)?;
         Ok((self.best(x, from, &judge), lifting + steps))
+    }
+
+    /// Goes down from the lowest point known on the way from `from`, which does not fold.
+    fn descend(
+        &self,
+        from: &Positions,
+        judge: Option<&Judge>,
+        blocks: &Blocks,
+        system: &mut System,
+        watch: Watch,
+    ) -> Result<(Positions, usize), Error> {
+        let mut x = self.towards(from, self.literal, judge, 0.9).unwrap_or_else(|| from.clone());
+        if let Some(other) = self.halved_start(from, judge, watch)?
+            && self.functional.energy(&other) < self.functional.energy(&x)
+        {
+            x = other;
+        }
+        let level = self.level();
+        let mut reach = vec![f64::INFINITY; self.shape.corner_count()];
+        for (number, corner) in self.shape.movable() {
+            reach[number] = f64::max(REACH * self.shape.jacobian(from, corner).min(1.0), 2.0 * level);
+        }
+        let barrier = self.barrier(level, reach);
+        let mut newton = Newton { functional: self.functional, barrier, blocks, system };
+        let steps = newton.descend(&mut x, judge, STEPS, watch)?;
+        Ok((x, steps))
+    }
+
+    /// What the halved lattice comes to, brought back to this one as far as nothing folds.
+    fn halved_start(&self, from: &Positions, judge: Option<&Judge>, watch: Watch) -> Result<Option<Positions>, Error> {
+        let Some(coarse) = Coarse::new(self.functional) else {
+            return Ok(None);
+        };
+        let functional = coarse.functional();
+        let (shape, literal) = (Shape::new(functional.lattice, functional.freedom), coarse.injected(self.literal));
+        let below = Bend { functional: &functional, shape: &shape, literal: &literal, floor: self.floor };
+        let start = coarse.injected(from);
+        if shape.least(&start) < 2.0 * below.level() {
+            return Ok(None);
+        }
+        let Some(mut system) = System::new(functional.lattice.nodes, functional.freedom, watch)? else {
+            return Ok(None);
+        };
+        let (x, _) = below.descend(&start, None, &Blocks::new(&functional), &mut system, watch)?;
+        Ok(self.towards(from, &coarse.prolonged(&start, &x, from), judge, 0.99))
     }
 
     /// Rounding in single precision counts where the start survives it.
@@ -81,14 +119,15 @@ impl Bend<'_> {
         Barrier { shape: self.shape, strength, level, reach }
     }
 
-    /// The point at `part` of the last stretch without folds on the way to the literal solution, or before it.
-    fn towards_literal(&self, from: &Positions, judge: &Judge, part: f64) -> Option<Positions> {
-        let step = difference(from, self.literal);
-        let [low, high] = self.shape.last_stretch(from, &step, if part < 1.0 { self.level() } else { self.floor })?;
+    /// The point at `part` of the last stretch without folds on the way, or before it.
+    fn towards(&self, from: &Positions, to: &Positions, judge: Option<&Judge>, part: f64) -> Option<Positions> {
+        let step = difference(from, to);
+        let level = if part < 1.0 { self.level() } else { self.floor };
+        let [low, high] = self.shape.last_stretch(from, &step, level)?;
         let mut back = f64::max(1.0 - part, 1e-12);
         while back < 1.0 {
             let x = moved(from, &step, high - back * (high - low));
-            if judge.accepts(&x) {
+            if judge.is_none_or(|judge| judge.accepts(&x)) {
                 return Some(x);
             }
             back *= 1.6;
@@ -101,7 +140,7 @@ impl Bend<'_> {
         let frame = frame(self.functional.lattice.nodes);
         let slides = self.functional.freedom.iter().any(|freedom| matches!(freedom, Freedom::Along(_)));
         let mut candidates = vec![bent];
-        candidates.extend(self.towards_literal(self.functional.base, judge, 1.0));
+        candidates.extend(self.towards(self.functional.base, self.literal, Some(judge), 1.0));
         candidates.sort_by(|a, b| self.functional.energy(a).total_cmp(&self.functional.energy(b)));
         if slides && crossing(&from, &frame).is_none() {
             candidates.push(from);
@@ -138,7 +177,7 @@ impl Bend<'_> {
     /// Of the untangled warp, the base and the literal solution that with the fewest corners folded, and those least.
     fn best_folded(&self, untangled: Positions) -> Positions {
         let rank = |x: &Positions| {
-            let folds = self.shape.movable().filter(|&(_, corner)| !(self.shape.jacobian(x, corner) > 0.0)).count();
+            let folds = self.shape.movable().filter(|&(_, corner)| exact_cross(x, corner) <= 0.0).count();
             (folds, self.shape.least(x))
         };
         let mut best = (rank(&untangled), untangled);

@@ -12,6 +12,7 @@
 mod barrier;
 mod bend;
 mod boundary;
+mod coarse;
 mod functional;
 mod newton;
 mod shape;
@@ -79,7 +80,7 @@ pub enum How {
     },
     /// Features were bent.
     Bent {
-        /// Steps of Newton's method, those that looked for a start included.
+        /// Steps of Newton's method on the lattice itself, those that looked for a start included.
         steps: usize,
     },
 }
@@ -162,7 +163,8 @@ const HALVINGS: usize = 4;
 ///   `Bend` lowers the functional itself: from nine tenths of the last stretch without folds on the way from the base
 ///   to the literal solution, by Newton's method with a barrier `mu b((J - f) / (d - f))` on corner Jacobians J,
 ///   `b(r) = -(r - 1)^2 ln r` for r < 1, that is felt below `d = 0.1 min(1, J of the start)` only. mu is a tenth of
-///   the largest squared weight times a cell's area.
+///   the largest squared weight times a cell's area. Lattices of 33 nodes a side or more, pinned on their frame and
+///   free inside, are bent halved first; that is the start where it does better.
 /// * `solve`: the literal solution with all scales multiplied by its argument.
 /// * `watch`: asked before every solve and Newton step and between the phases of the first factorization.
 ///
@@ -172,7 +174,8 @@ const HALVINGS: usize = 4;
 /// move the result is the base.
 ///
 /// Cost: the certificate where the literal solution does; else up to 10 solves, or up to 200 Newton steps, each a
-/// sparse Cholesky factorization of 2 n unknowns: O(n^1.5) time, O(n log n) memory, on one thread.
+/// sparse Cholesky factorization of 2 n unknowns: O(n^1.5) time, O(n log n) memory, on one thread. A lattice of
+/// 200 x 200 nodes takes about 0.13 s a step and 40 to 100 steps; 1000 x 1000 nodes take some 25 times as long a step.
 ///
 /// The barrier: Schüller, Kavan, Panozzo and Sorkine-Hornung, "Locally injective mappings", 2013. The untangling
 /// follows Garanzha et al., "Foldover-free maps in 50 lines of code", 2021, with the barrier in place of the

@@ -149,7 +149,8 @@ impl Quadratic {
         }
         ends.sort_unstable_by(f64::total_cmp);
         for pair in ends.windows(2).filter(|pair| pair[0] < pair[1]) {
-            if !(self.at(0.5 * (pair[0] + pair[1])) >= level) {
+            let middle = self.at(0.5 * (pair[0] + pair[1]));
+            if middle < level || middle.is_nan() {
                 give([pair[0], pair[1]]);
             }
         }
