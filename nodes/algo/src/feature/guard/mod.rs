@@ -175,7 +175,8 @@ const HALVINGS: usize = 4;
 ///
 /// Cost: the certificate where the literal solution does; else up to 10 solves, or up to 200 Newton steps, each a
 /// sparse Cholesky factorization of 2 n unknowns: O(n^1.5) time, O(n log n) memory, on one thread. A lattice of
-/// 200 x 200 nodes takes about 0.13 s a step and 40 to 100 steps; 1000 x 1000 nodes take some 25 times as long a step.
+/// 200 x 200 nodes takes about 0.13 s a step and 40 to 100 steps; 1000 x 1000 nodes, by the
+/// growth of such factors, 50 to 100 times as long a step and 3 GB: there `Shrink` is the cheaper choice.
 ///
 /// The barrier: Schüller, Kavan, Panozzo and Sorkine-Hornung, "Locally injective mappings", 2013. The untangling
 /// follows Garanzha et al., "Foldover-free maps in 50 lines of code", 2021, with the barrier in place of the
