@@ -12,11 +12,12 @@ pub(super) type Corner = [usize; 3];
 
 /// The corners of a lattice's cells; a corner's number is four times that of its cell, plus 0 to 3.
 pub(super) struct Shape {
-    nodes: [usize; 2],
     /// Of a cell at rest, px^2.
     pub(super) area: f64,
-    /// The corner's nodes are all pinned: no move changes it.
-    fixed: Vec<bool>,
+    /// Numbers and nodes of the corners with a node that is not pinned.
+    movable: Vec<(u32, [u32; 3])>,
+    /// The corners whose nodes are all pinned.
+    fixed: Vec<Corner>,
 }
 
 /// A corner Jacobian along a move: `at_0 + linear t + square t^2`.
@@ -29,40 +30,31 @@ pub(super) struct Quadratic {
 
 impl Shape {
     pub(super) fn new(lattice: &Lattice, freedom: &[Freedom]) -> Self {
-        let [columns, rows] = lattice.cells();
-        let mut shape = Self {
-            nodes: lattice.nodes,
-            area: lattice.spacing[0] * lattice.spacing[1],
-            fixed: vec![false; 4 * columns * rows],
-        };
+        let area = lattice.spacing[0] * lattice.spacing[1];
         let pinned = |node: usize| matches!(freedom[node], Freedom::Pinned);
-        let fixed = shape.all().map(|(_, corner)| corner.into_iter().all(pinned)).collect();
-        shape.fixed = fixed;
-        shape
+        let (mut movable, mut fixed) = (Vec::new(), Vec::new());
+        for (number, corner) in corners(lattice.nodes) {
+            if corner.into_iter().all(pinned) {
+                fixed.push(corner);
+            } else {
+                movable.push((number as u32, corner.map(|node| node as u32)));
+            }
+        }
+        Self { area, movable, fixed }
     }
 
-    /// Every corner and its number.
-    pub(super) fn all(&self) -> impl Iterator<Item = (usize, Corner)> + use<> {
-        let [columns, rows] = self.nodes;
-        (0..(columns - 1) * (rows - 1)).flat_map(move |cell| {
-            let first = cell + cell / (columns - 1);
-            let around = [first, first + 1, first + columns + 1, first + columns];
-            (0..4).map(move |i| (4 * cell + i, [around[i], around[(i + 1) % 4], around[(i + 3) % 4]]))
-        })
-    }
-
-    /// The corners that a move may change.
+    /// The corners that a move may change, and their numbers.
     pub(super) fn movable(&self) -> impl Iterator<Item = (usize, Corner)> {
-        self.all().filter(|&(number, _)| !self.fixed[number])
+        self.movable.iter().map(|&(number, corner)| (number as usize, corner.map(|node| node as usize)))
     }
 
     /// The corners that no move changes.
     pub(super) fn fixed(&self) -> impl Iterator<Item = Corner> {
-        self.all().filter(|&(number, _)| self.fixed[number]).map(|(_, corner)| corner)
+        self.fixed.iter().copied()
     }
 
     pub(super) fn corner_count(&self) -> usize {
-        self.fixed.len()
+        self.movable.len() + self.fixed.len()
     }
 
     pub(super) fn jacobian(&self, x: &Positions, corner: Corner) -> f64 {
@@ -163,6 +155,15 @@ impl Quadratic {
         let half = -0.5 * (self.linear + root.copysign(self.linear));
         [half / self.square, constant / half]
     }
+}
+
+/// Every corner and its number.
+fn corners([columns, rows]: [usize; 2]) -> impl Iterator<Item = (usize, Corner)> {
+    (0..(columns - 1) * (rows - 1)).flat_map(move |cell| {
+        let first = cell + cell / (columns - 1);
+        let around = [first, first + 1, first + columns + 1, first + columns];
+        (0..4).map(move |i| (4 * cell + i, [around[i], around[(i + 1) % 4], around[(i + 3) % 4]]))
+    })
 }
 
 /// Positions as single precision keeps them.

@@ -19,8 +19,8 @@ use faer::{Conj, MatMut, Par, Side, Spec};
 /// Bytes per unknown of the matrix, its order and its symbolic factorization.
 const SYMBOLIC_BYTES: usize = 480;
 
-/// Bytes per node of what a step holds beside the factor: blocks, gradient, step and positions.
-const STEP_BYTES: usize = 400;
+/// Bytes per node of what a step holds beside the factor: blocks, gradient, step and positions and corners.
+const STEP_BYTES: usize = 480;
 
 /// Second derivatives between nodes of a cell, 2 x 2 each: of every node with itself, and with the nodes right of it,
 /// below to the left, below, and below to the right.
