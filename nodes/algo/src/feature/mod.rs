@@ -16,6 +16,7 @@
 mod cells;
 mod components;
 mod fit;
+pub mod guard;
 mod local;
 mod motion;
 mod rhs;
