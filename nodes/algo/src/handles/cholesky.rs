@@ -39,11 +39,19 @@ pub(super) struct Factor<T> {
 }
 
 impl<T: Number> Factor<T> {
-    /// Factors an energy; without `pins`, in whose span its null space vanishes, it would be singular.
-    pub(super) fn new(energy: Energy<T>, pins: Vec<usize>, watch: Watch) -> Result<Self, Error> {
-        let (n, mut room) = (energy.node_count(), Room::new(watch));
+    /// Factors an energy; without `pins`, on which its null space vanishes only as a whole, it would be singular.
+    ///
+    /// * `before`: bytes that are held beside it meanwhile.
+    pub(super) fn new(
+        energy: Energy<T>,
+        pins: Vec<usize>,
+        before: usize,
+        room: &mut Room,
+        watch: Watch,
+    ) -> Result<Self, Error> {
+        let n = energy.node_count();
         let matrix_bytes = n.saturating_mul(3 * (size_of::<T>() + size_of::<u32>()) + size_of::<u32>());
-        room.phase(matrix_bytes.saturating_add(n.saturating_mul(SYMBOLIC_BYTES)))?;
+        room.phase(before.saturating_add(matrix_bytes).saturating_add(n.saturating_mul(SYMBOLIC_BYTES)))?;
         let matrix = energy.lower_triangle(&pins, watch)?;
         let order = dissection(energy.nodes()[0], energy.nodes()[1]);
         let mut place = vec![0; n];
@@ -57,7 +65,7 @@ impl<T: Number> Factor<T> {
         drop((order, place));
         watch.go_on()?;
         let request = symbolic.factorize_numeric_llt_scratch::<T>(Par::Seq, Spec::default());
-        let held = symbolic.len_val() * size_of::<T>() + index_bytes(&symbolic);
+        let held = before + symbolic.len_val() * size_of::<T>() + index_bytes(&symbolic);
         room.phase(held + 2 * matrix_bytes + request.unaligned_bytes_required() + BLOCK_BYTES)?;
         let mut values = Vec::new();
         values.try_reserve_exact(symbolic.len_val()).map_err(|_| Error::OutOfMemory)?;
@@ -77,6 +85,7 @@ impl<T: Number> Factor<T> {
         drop((scratch, matrix));
         watch.go_on()?;
         let factor = Self { energy, pins, symbolic, values };
+        room.phase(held + factor.solve_bytes(1) + 2 * n * size_of::<T>())?;
         factor.probe()?;
         Ok(factor)
     }

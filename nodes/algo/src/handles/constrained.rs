@@ -144,7 +144,6 @@ impl<'a, T: Number> Constrained<'a, T> {
         watch: Watch,
     ) -> Result<Solution<T>, Error> {
         let (n, count) = (self.factor.energy.node_count(), moves.ncols());
-        watch.reserve(4 * n * count * size_of::<T>() + self.factor.solve_bytes(count))?;
         let mut fields = Mat::zeros(n, count);
         let mut forces = Mat::zeros(self.rows.len(), count);
         let (mut load, mut missing) = (loads.cloned(), moves.clone());

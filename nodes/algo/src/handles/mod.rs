@@ -19,6 +19,7 @@ mod tests;
 pub use curve::{along, side};
 
 use crate::lattice::{Lattice, Positions};
+use crate::room::Room;
 use crate::{Interrupted, Watch};
 use cholesky::Factor;
 use constrained::{Constrained, Solution};
@@ -157,9 +158,10 @@ pub fn factor(lattice: &Lattice, watch: Watch) -> Result<HandleFactor, Error> {
         row * lattice.nodes[0] + column
     };
     watch.progress(0.0)?;
-    let similarity = Factor::new(similarity(lattice), vec![pin(1), pin(3)], watch)?;
+    let mut room = Room::new(watch);
+    let similarity = Factor::new(similarity(lattice), vec![pin(1), pin(3)], 0, &mut room, watch)?;
     watch.progress(0.7)?;
-    let rigid = Factor::new(dirichlet(lattice), vec![pin(2)], watch)?;
+    let rigid = Factor::new(dirichlet(lattice), vec![pin(2)], similarity.bytes(), &mut room, watch)?;
     Ok(HandleFactor { lattice: *lattice, similarity, rigid })
 }
 
@@ -196,6 +198,7 @@ impl HandleFactor {
 pub fn solve(factor: &HandleFactor, handles: &[Handle], mode: Mode, watch: Watch) -> Result<HandleWarp, Error> {
     let lattice = &factor.lattice;
     let rows = rows(lattice, handles)?;
+    watch.reserve(scratch_bytes(factor, rows.len(), mode))?;
     let (mut residual, mut rank) = (0.0, rows.len());
     let moved = match rows[..] {
         [] => Mat::zeros(lattice.node_count(), 1),
@@ -227,6 +230,19 @@ pub fn solve(factor: &HandleFactor, handles: &[Handle], mode: Mode, watch: Watch
     Ok(HandleWarp { positions, residual, constraints: rows.len(), rank, largest_miss })
 }
 
+/// Bytes per node that [`solve`] takes: a displacement and its step or, at the end, the positions.
+fn scratch_bytes(factor: &HandleFactor, constraints: usize, mode: Mode) -> usize {
+    let field = factor.unknowns() * size_of::<c64>();
+    let similar = 2 * field + factor.similarity.solve_bytes(1);
+    // The similar displacement and the loads are held meanwhile.
+    let rigid = 4 * field + factor.rigid.solve_bytes(2);
+    match (constraints, mode) {
+        (0 | 1, _) => 2 * field,
+        (_, Mode::Similarity) => similar,
+        (_, Mode::Rigid) => similar.max(rigid),
+    }
+}
+
 /// The displacement as similar as possible.
 fn similar(factor: &HandleFactor, rows: &[Row], watch: Watch) -> Result<Solution<c64>, Error> {
     let moves = Mat::from_fn(rows.len(), 1, |row, _| c64::new(rows[row].by[0], rows[row].by[1]));
@@ -252,7 +268,6 @@ fn made_rigid(factor: &HandleFactor, rows: &[Row], moved: &Mat<c64>, watch: Watc
         let turn = if length > NO_TURN { linear / length } else { c64::ONE };
         std::array::from_fn(|k| (turn - c64::ONE) * unit[k] * scale - d[k])
     };
-    watch.reserve(2 * n * size_of::<f64>())?;
     let mut loads = Mat::zeros(n, 2);
     let energy = &factor.rigid.energy;
     energy.add_gradients(loads.col_as_slice_mut(0), |nodes| asked(nodes).map(|step: c64| step.re));

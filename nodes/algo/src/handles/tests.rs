@@ -303,7 +303,11 @@ fn bad_handles_are_told() {
     }
     let from = [width + 1e-12, height];
     assert_eq!(fail(Handle { from, to: [f64::NAN, 0.0] }), Error::NotFinite { index: 1 });
-    assert_eq!(fail(Handle { from, to: [1e308, -1e308] }), Error::Overflow);
+    let apart = [[-1.0, 0.2], [1.0, 0.8]]
+        .map(|[sign, at]| Handle { from: inside(&SQUARE, [at, at]), to: [sign * f64::MAX; 2] });
+    for mode in MODES {
+        assert_eq!(solve(&factor, &apart, mode, UNWATCHED), Err(Error::Overflow));
+    }
     let stopped = solve(&factor, &scattered(&SQUARE, 3, 0.1, 1), Mode::Similarity, &|_| Err(Interrupted));
     assert_eq!(stopped, Err(Error::Interrupted));
     assert_eq!(super::factor(&SQUARE, &|_| Err(Interrupted)).expect_err("stopped"), Error::Interrupted);
