@@ -94,6 +94,9 @@ pub fn cases() -> Vec<Case> {
         r#"FeatureWarp(warp: "bent", factor: "factor")"#,
         r#"FrameHold(input: "a.image")"#,
         r#"Grow(mask: "a.dots", by: 12.5)"#,
+        r#"HandleFactor(grid: "coarse")"#,
+        r#"Handles(factor: "pins", points: [(from: (90.0, 80.0), to: (70.0, 99.0)), (from: (900.0, 80.0), to: (800.0, 9.0))])"#,
+        r#"Handles(factor: "pins", top: [(0.0, 0.0), (600.0, -90.0), (1200.0, 0.0)], left: [(0.0, 0.0), (90.0, 700.0)], mode: Rigid)"#,
         r#"Lattice(domain: "a.image", cell: 1.0)"#,
         r#"Over(images: ["a.image", "b.image"])"#,
         r#"Over(images: ["a.image", "b.image", "a.image", "b.image"])"#,
@@ -169,6 +172,7 @@ pub fn run(
     "wild": Wave(grid: "grid", amplitude: 900.0, wavelength: 3.7, direction: 33.0),
     "bent": Wave(grid: "coarse", amplitude: 6.0),
     "factor": FeatureFactor(grid: "coarse", features: "labels"),
+    "pins": HandleFactor(grid: "coarse"),
     "it": {text},
 }})"#
     );
