@@ -97,7 +97,7 @@ impl<T: Number> Factor<T> {
 
     /// Bytes that a solve for `count` right-hand sides takes.
     pub(super) fn solve_bytes(&self, count: usize) -> usize {
-        self.symbolic.solve_in_place_scratch::<T>(count, Par::Seq).unaligned_bytes_required()
+        self.symbolic.solve_in_place_scratch::<T>(count, Par::Seq).unaligned_bytes_required() + BLOCK_BYTES
     }
 
     /// K times each of `fields`, in place. What pulls at a pin is not felt.
@@ -135,11 +135,18 @@ impl<T: Number> Factor<T> {
     /// With `P K^-1 P^T = L L^*` it is `Y^* Y`, `L Y = P C^*`: half of each solve, and only in the blocks of L that a
     /// row reaches, the lines of the dissection above its nodes. All rows pass a block together. For k rows on n
     /// nodes O(k n + k^2 sqrt(n)) operations and O(k sqrt(n) + k^2) memory.
-    pub(super) fn compliance(&self, rows: &[Row], watch: Watch) -> Result<Mat<T>, Error> {
+    pub(super) fn compliance(
+        &self,
+        rows: &[Row],
+        before: usize,
+        room: &mut Room,
+        watch: Watch,
+    ) -> Result<Mat<T>, Error> {
         let blocks = Blocks::of(self);
         let reached = blocks.reached(&self.symbolic, &self.pins, rows);
         let count: usize = reached.iter().enumerate().map(|(block, rows)| rows.len() * blocks.width(block)).sum();
-        watch.reserve((count + 2 * rows.len() * rows.len()) * size_of::<T>())?;
+        let lists = reached.len() * (size_of::<Vec<u32>>() + size_of::<Mat<T>>());
+        room.phase(before + lists + (count + 2 * rows.len() * rows.len()) * size_of::<T>() + BLOCK_BYTES)?;
         let mut fields: Vec<Mat<T>> =
             reached.iter().enumerate().map(|(block, rows)| Mat::zeros(blocks.width(block), rows.len())).collect();
         for (row, node, weight) in pulls(&self.pins, rows) {

@@ -8,6 +8,7 @@ use super::cholesky::{Factor, larger};
 use super::energy::Number;
 use super::rows::Row;
 use crate::Watch;
+use crate::room::Room;
 
 /// A compliance whose pivots stay above this share of the largest is factored as it is.
 const PIVOT: f64 = 1e-10;
@@ -106,14 +107,22 @@ pub(super) struct Constrained<'a, T> {
 }
 
 impl<'a, T: Number> Constrained<'a, T> {
-    /// Prepares for `rows` that fix the `kernel`.
+    /// Prepares for `rows` that fix the `kernel`, and asks for what a solution will take.
+    ///
+    /// * `before`: bytes that are held beside it meanwhile.
     pub(super) fn new(
         factor: &'a Factor<T>,
         rows: &'a [Row],
         kernel: Kernel<'a, T>,
+        before: usize,
+        room: &mut Room,
         watch: Watch,
     ) -> Result<Self, Error> {
-        let mut compliance = factor.compliance(rows, watch)?;
+        let mut compliance = factor.compliance(rows, before, room, watch)?;
+        let field = factor.energy.node_count() * T::COLUMNS * size_of::<T>();
+        let square = rows.len() * rows.len() * size_of::<T>();
+        room.phase(before + 3 * square)?;
+        room.phase(before + square + 2 * field + factor.solve_bytes(T::COLUMNS))?;
         let border = Mat::from_fn(rows.len(), kernel.len(), |row, which| {
             rows[row].pulls().fold(T::ZERO, |sum, (node, weight)| sum + kernel[which](node) * weight)
         });

@@ -24,6 +24,8 @@ pub(super) trait Number:
 {
     const ZERO: Self;
     const ONE: Self;
+    /// Columns of them that hold a displacement in the plane.
+    const COLUMNS: usize;
 
     fn modulus(self) -> f64;
 }
@@ -31,6 +33,7 @@ pub(super) trait Number:
 impl Number for f64 {
     const ZERO: Self = 0.0;
     const ONE: Self = 1.0;
+    const COLUMNS: usize = 2;
 
     fn modulus(self) -> f64 {
         self.abs()
@@ -40,6 +43,7 @@ impl Number for f64 {
 impl Number for c64 {
     const ZERO: Self = c64::new(0.0, 0.0);
     const ONE: Self = c64::new(1.0, 0.0);
+    const COLUMNS: usize = 1;
 
     fn modulus(self) -> f64 {
         libm::hypot(self.re, self.im)

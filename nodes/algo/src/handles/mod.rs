@@ -198,16 +198,18 @@ impl HandleFactor {
 pub fn solve(factor: &HandleFactor, handles: &[Handle], mode: Mode, watch: Watch) -> Result<HandleWarp, Error> {
     let lattice = &factor.lattice;
     let rows = rows(lattice, handles)?;
-    watch.reserve(scratch_bytes(factor, rows.len(), mode))?;
+    let (field, mut room) = (lattice.node_count() * size_of::<c64>(), Room::new(watch));
+    // At the end the displacement and the positions.
+    room.phase(2 * field)?;
     let (mut residual, mut rank) = (0.0, rows.len());
     let moved = match rows[..] {
         [] => Mat::zeros(lattice.node_count(), 1),
         [Row { by: [x, y], .. }] => Mat::from_fn(lattice.node_count(), 1, |_, _| c64::new(x, y)),
         _ => {
-            let mut solution = similar(factor, &rows, watch)?;
+            let mut solution = similar(factor, &rows, &mut room, watch)?;
             if mode == Mode::Rigid {
                 watch.progress(0.5)?;
-                let rigid = made_rigid(factor, &rows, &solution.fields, watch)?;
+                let rigid = made_rigid(factor, &rows, &solution.fields, &mut room, watch)?;
                 (solution.residual, solution.rank) = (solution.residual.max(rigid.residual), rigid.rank);
                 let step = |node| c64::new(rigid.fields[(node, 0)], rigid.fields[(node, 1)]);
                 let fields = solution.fields.col_as_slice_mut(0);
@@ -230,32 +232,25 @@ pub fn solve(factor: &HandleFactor, handles: &[Handle], mode: Mode, watch: Watch
     Ok(HandleWarp { positions, residual, constraints: rows.len(), rank, largest_miss })
 }
 
-/// Bytes per node that [`solve`] takes: a displacement and its step or, at the end, the positions.
-fn scratch_bytes(factor: &HandleFactor, constraints: usize, mode: Mode) -> usize {
-    let field = factor.unknowns() * size_of::<c64>();
-    let similar = 2 * field + factor.similarity.solve_bytes(1);
-    // The similar displacement and the loads are held meanwhile.
-    let rigid = 4 * field + factor.rigid.solve_bytes(2);
-    match (constraints, mode) {
-        (0 | 1, _) => 2 * field,
-        (_, Mode::Similarity) => similar,
-        (_, Mode::Rigid) => similar.max(rigid),
-    }
-}
-
 /// The displacement as similar as possible.
-fn similar(factor: &HandleFactor, rows: &[Row], watch: Watch) -> Result<Solution<c64>, Error> {
+fn similar(factor: &HandleFactor, rows: &[Row], room: &mut Room, watch: Watch) -> Result<Solution<c64>, Error> {
     let moves = Mat::from_fn(rows.len(), 1, |row, _| c64::new(rows[row].by[0], rows[row].by[1]));
     let (centre, size) = spread(rows);
     let rest = |node: usize| {
         let [x, y] = factor.lattice.rest(node % factor.lattice.nodes[0], node / factor.lattice.nodes[0]);
         (c64::new(x, y) - centre) / size
     };
-    Constrained::new(&factor.similarity, rows, &[&|_| c64::ONE, &rest], watch)?.solve(None, &moves, 0.0, watch)
+    Constrained::new(&factor.similarity, rows, &[&|_| c64::ONE, &rest], 0, room, watch)?.solve(None, &moves, 0.0, watch)
 }
 
 /// What is to be added to a displacement so that cells keep their size: they turn as they did.
-fn made_rigid(factor: &HandleFactor, rows: &[Row], moved: &Mat<c64>, watch: Watch) -> Result<Solution<f64>, Error> {
+fn made_rigid(
+    factor: &HandleFactor,
+    rows: &[Row],
+    moved: &Mat<c64>,
+    room: &mut Room,
+    watch: Watch,
+) -> Result<Solution<f64>, Error> {
     let (lattice, moved) = (&factor.lattice, moved.col_as_slice(0));
     let n = lattice.node_count();
     let unit = corners(lattice);
@@ -268,12 +263,15 @@ fn made_rigid(factor: &HandleFactor, rows: &[Row], moved: &Mat<c64>, watch: Watc
         let turn = if length > NO_TURN { linear / length } else { c64::ONE };
         std::array::from_fn(|k| (turn - c64::ONE) * unit[k] * scale - d[k])
     };
+    // The displacement and the loads.
+    let before = 2 * n * size_of::<c64>();
+    room.phase(before)?;
     let mut loads = Mat::zeros(n, 2);
     let energy = &factor.rigid.energy;
     energy.add_gradients(loads.col_as_slice_mut(0), |nodes| asked(nodes).map(|step: c64| step.re));
     energy.add_gradients(loads.col_as_slice_mut(1), |nodes| asked(nodes).map(|step: c64| step.im));
     let (held, furthest) = (Mat::zeros(rows.len(), 2), moved.iter().map(|d| d.modulus()).fold(0.0, f64::max));
-    Constrained::new(&factor.rigid, rows, &[&|_| 1.0], watch)?.solve(Some(&loads), &held, furthest, watch)
+    Constrained::new(&factor.rigid, rows, &[&|_| 1.0], before, room, watch)?.solve(Some(&loads), &held, furthest, watch)
 }
 
 /// Middle of the handles, and their mean distance from it.

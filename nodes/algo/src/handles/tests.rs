@@ -368,7 +368,8 @@ fn compliance_is_what_whole_solves_give() {
         row.pulls().for_each(|(node, weight)| fields[(node, number)] += c64::new(weight, 0.0));
     }
     factor.similarity.solve(&mut fields).expect("solved");
-    let compliance = factor.similarity.compliance(&rows, UNWATCHED).expect("nobody stops it");
+    let compliance =
+        factor.similarity.compliance(&rows, 0, &mut Room::new(UNWATCHED), UNWATCHED).expect("nobody stops it");
     for (j, (i, row)) in (0..rows.len()).flat_map(|j| rows.iter().enumerate().map(move |row| (j, row))) {
         let whole = row.pulls().fold(c64::ZERO, |sum, (node, weight)| sum + fields[(node, j)] * weight);
         assert!(
