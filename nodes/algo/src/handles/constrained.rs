@@ -29,7 +29,7 @@ const PASSES: usize = 4;
 pub(super) struct Solution<T> {
     /// One column of node values per right-hand side.
     pub(super) fields: Mat<T>,
-    /// Largest |b - H d - C^* l| over |b| + |H| |d|, d with what it is added to.
+    /// Largest |b + C^* f - H d| over |b| + |H| |d|, d with what it is added to.
     pub(super) residual: f64,
     /// Rows that do not depend on others.
     pub(super) rank: usize,
@@ -90,10 +90,10 @@ pub(super) type Kernel<'a, T> = &'a [&'a (dyn Fn(usize) -> T + Sync)];
 
 /// An energy's factor with rows of constraints.
 ///
-/// Least `d^* H d / 2 - Re b^* d` under `C d = g`, N spanning the null space of H: `H d + C^* l = b`. With K the inverse
-/// of H pinned, `d = K (b - C^* l) + N a` where `S l - C N a = C K b - g` and `(C N)^* l = 0`, S = C K C^*. As the last
-/// line holds, S may grow by `s C N (C N)^*`: then it is definite unless rows depend on each other, and its
-/// pseudo-inverse gives the least squares of those.
+/// Least `d^* H d / 2 - Re b^* d` under `C d = g`: `H d = b + C^* f` with forces f at the rows. N spans the null space of
+/// H and K is the inverse of H pinned: `d = K (b + C^* f) + N a` where `S f + C N a = g - C K b` and `(C N)^* f = 0`,
+/// S = C K C^*. As the last line holds, S may grow by a multiple of `C N (C N)^*`: then it is definite unless rows
+/// depend on each other, and its pseudo-inverse gives the least squares of those.
 pub(super) struct Constrained<'a, T> {
     factor: &'a Factor<T>,
     rows: &'a [Row],
