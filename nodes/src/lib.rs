@@ -4,6 +4,7 @@ mod adapt;
 pub mod card;
 pub mod feature;
 pub mod grid;
+pub mod handles;
 pub mod image;
 pub mod io;
 pub mod mask;
@@ -26,6 +27,8 @@ pub const NODES: &[Definition] = &[
     def::<feature::FeatureWarp>("FeatureWarp"),
     def::<time::FrameHold>("FrameHold"),
     def::<mask::Grow>("Grow"),
+    def::<handles::HandleFactor>("HandleFactor"),
+    def::<handles::Handles>("Handles"),
     def::<grid::Lattice>("Lattice"),
     def::<io::Load>("Load"),
     def::<image::Over>("Over"),

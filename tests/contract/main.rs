@@ -4,6 +4,7 @@
 
 mod declarations;
 mod digests;
+mod factors;
 mod given;
 mod parameters;
 mod pictures;

@@ -34,12 +34,20 @@ pub fn sources(kind: Kind) -> &'static [&'static str] {
         Kind::Warp => {
             &["warp", "turned", "finely", "given.backward", "given.wild", "given.far", "given.collapsed", "plain.far"]
         }
-        Kind::Factor => &["factor", "stiff"],
+        Kind::Factor => &["factor", "stiff", "pins", "fine_pins"],
         Kind::Points => &["given.points", "plain.points"],
         Kind::Mesh => &["given.mesh", "plain.mesh"],
         Kind::Number => &["given.number", "plain.number"],
         Kind::Text => &["given.text", "plain.text"],
         Kind::Plugin(_) => &[],
+    }
+}
+
+/// The usual source of a kind for a node type: of factors, one of the solver that it knows.
+fn usual(node_type: &NodeType, kind: Kind) -> &'static str {
+    match (kind, &*node_type.name) {
+        (Kind::Factor, "Handles") => "pins",
+        _ => sources(kind)[0],
     }
 }
 
@@ -57,7 +65,7 @@ pub struct Subject {
 impl Subject {
     /// Usual sources, and parameters only where there is no default.
     pub fn new(node_type: &'static NodeType, which: Which) -> Self {
-        let ports = node_type.ports().map(|(param, port)| (param.name.clone(), sources(port.kinds[0])[0]));
+        let ports = node_type.ports().map(|(param, port)| (param.name.clone(), usual(node_type, port.kinds[0])));
         let missing = node_type.params.iter().filter(|p| p.required && !matches!(p.shape, Shape::Port(_)));
         let params = missing.map(|p| (p.name.clone(), texts::sample(&p.shape, &format!("{which:?}")))).collect();
         Self { node_type, which, ports: ports.collect(), params }
@@ -80,7 +88,8 @@ impl Subject {
         let ports = self.node_type.ports();
         let choices = ports.flat_map(|(param, port)| {
             let sources = port.kinds.iter().flat_map(|kind| sources(*kind));
-            sources.skip(1).map(|source| self.connected(&param.name, source))
+            let others = sources.filter(|source| **source != self.ports[&param.name]);
+            others.map(|source| self.connected(&param.name, source))
         });
         choices.collect()
     }
@@ -119,6 +128,8 @@ impl Subject {
     "finely": Arc(grid: "fine", angle: -40.0),
     "factor": FeatureFactor(grid: "grid", features: "given.labels"),
     "stiff": FeatureFactor(grid: "grid", features: "given.labels", weight: 100.0),
+    "pins": HandleFactor(grid: "grid"),
+    "fine_pins": HandleFactor(grid: "fine"),
     "it": {}({}),
 }})"#,
             self.which,

@@ -30,18 +30,24 @@ fn number(value: f64) -> String {
 
 /// A legal value for a parameter that has no default; `which` names the files there are.
 pub fn sample(shape: &Shape, which: &str) -> String {
-    sample_near(shape, which, 0)
+    sample_near(shape, which, 0, WIDE)
 }
 
-/// The same, with other numbers for other `seed`s.
-fn sample_near(shape: &Shape, which: &str, seed: usize) -> String {
+/// Between numbers of neighbouring seeds.
+const WIDE: f64 = 2.0;
+
+/// The same so that lists of lists of points stay within the smallest usual picture.
+const NARROW: f64 = 0.0625;
+
+/// The same as [`sample`], with other numbers for other `seed`s.
+fn sample_near(shape: &Shape, which: &str, seed: usize, step: f64) -> String {
     let list = |shapes: &mut dyn Iterator<Item = &Shape>| {
-        let items = shapes.zip(0..).map(|(shape, item)| sample_near(shape, which, seed * 3 + 7 * item));
+        let items = shapes.zip(0..).map(|(shape, item)| sample_near(shape, which, seed * 3 + 7 * item, step));
         items.collect::<Vec<_>>().join(", ")
     };
     match shape {
         Shape::Number(range) => {
-            number([3.25 + 2.0 * seed as f64, 0.75].into_iter().find(|value| range.holds(*value)).expect("a number"))
+            number([3.25 + step * seed as f64, 0.75].into_iter().find(|value| range.holds(*value)).expect("a number"))
         }
         Shape::Integer { range, .. } => (3 + seed as i128).clamp(range.min, range.max).to_string(),
         Shape::Bool => "true".into(),
@@ -53,10 +59,10 @@ fn sample_near(shape: &Shape, which: &str, seed: usize) -> String {
         Shape::Tuple(shapes) => format!("({})", list(&mut shapes.iter())),
         Shape::List(item) => format!("[{}]", list(&mut [&**item; 5].into_iter())),
         Shape::Struct(fields) => {
-            let field = |field: &Param| format!("{}: {}", field.name, sample_near(&field.shape, which, seed));
+            let field = |field: &Param| format!("{}: {}", field.name, sample_near(&field.shape, which, seed, step));
             format!("({})", fields.iter().map(field).collect::<Vec<_>>().join(", "))
         }
-        Shape::Optional(inner) => sample_near(inner, which, seed),
+        Shape::Optional(inner) => sample_near(inner, which, seed, step),
         Shape::Port(_) => unreachable!("ports are connected"),
     }
 }
@@ -69,7 +75,7 @@ pub fn each_leaf(param: &Param, leaf: &mut dyn FnMut(&Shape) -> Vec<String>) -> 
 fn leaves(shape: &Shape, usual: &Json, leaf: &mut dyn FnMut(&Shape) -> Vec<String>) -> Vec<String> {
     let usual_text = |shape: &Shape, json: Option<&Json>| match json {
         Some(json) if !json.is_null() => text(shape, json),
-        _ => sample(shape, "Plain"),
+        _ => sample_near(shape, "Plain", 0, NARROW),
     };
     match shape {
         Shape::Optional(inner) => leaves(inner, &Json::Null, leaf),
@@ -87,14 +93,17 @@ fn leaves(shape: &Shape, usual: &Json, leaf: &mut dyn FnMut(&Shape) -> Vec<Strin
             found
         }
         Shape::List(item) => {
-            let others = [1, 2].map(|seed| sample_near(item, "Plain", seed)).join(", ");
+            let others = [1, 2].map(|seed| sample_near(item, "Plain", seed, NARROW)).join(", ");
             leaves(item, &Json::Null, leaf).into_iter().map(|item| format!("[{others}, {item}]")).collect()
         }
         Shape::Struct(fields) => fields
             .iter()
             .flat_map(|field| {
                 let values = leaves(&field.shape, &usual[&field.name], leaf);
-                values.into_iter().map(|value| format!("({}: {value})", field.name)).collect::<Vec<_>>()
+                let needed = fields.iter().filter(|other| other.required && other.name != field.name);
+                let needed: String =
+                    needed.map(|other| format!(", {}: {}", other.name, usual_text(&other.shape, None))).collect();
+                values.into_iter().map(|value| format!("({}: {value}{needed})", field.name)).collect::<Vec<_>>()
             })
             .collect(),
         leaf_shape => leaf(leaf_shape),

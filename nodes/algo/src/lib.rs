@@ -11,6 +11,7 @@ pub mod composite;
 mod dissection;
 pub mod draw;
 pub mod feature;
+pub mod handles;
 pub mod lattice;
 pub mod mask;
 pub mod poisson;

@@ -20,7 +20,7 @@ use warploom_core::value::{Direction, Grid, Kind, Warp};
 
 use crate::adapt::watched;
 
-const WARP: &[Output] = &[Output::new("warp", Kind::Warp)];
+pub(crate) const WARP: &[Output] = &[Output::new("warp", Kind::Warp)];
 
 /// The lattice to warp, once there is room for its positions.
 fn lattice(cx: &Context, grid: &Grid) -> Result<Lattice, NodeError> {

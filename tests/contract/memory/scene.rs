@@ -98,6 +98,9 @@ pub fn cases() -> Vec<Case> {
         r#"FeatureWarp(warp: "roughly", factor: "exact")"#,
         r#"FrameHold(input: "a.image")"#,
         r#"Grow(mask: "a.dots", by: 12.5)"#,
+        r#"HandleFactor(grid: "coarse")"#,
+        r#"Handles(factor: "pins", points: [(from: (90.0, 80.0), to: (70.0, 99.0)), (from: (900.0, 80.0), to: (800.0, 9.0))])"#,
+        r#"Handles(factor: "pins", top: [(0.0, 0.0), (600.0, -90.0), (1200.0, 0.0)], left: [(0.0, 0.0), (90.0, 700.0)], mode: Rigid)"#,
         r#"Lattice(domain: "a.image", cell: 1.0)"#,
         r#"Over(images: ["a.image", "b.image"])"#,
         r#"Over(images: ["a.image", "b.image", "a.image", "b.image"])"#,
@@ -176,6 +179,7 @@ pub fn run(
     "roughly": Wave(grid: "rough", amplitude: 6.0),
     "factor": FeatureFactor(grid: "coarse", features: "labels"),
     "exact": FeatureFactor(grid: "rough", features: "labels", boundary: Slide, exact: Similarity),
+    "pins": HandleFactor(grid: "coarse"),
     "it": {text},
 }})"#
     );
