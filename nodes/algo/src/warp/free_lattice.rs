@@ -52,6 +52,24 @@ pub fn free_lattice(
     })
 }
 
+/// The moves of control points of [`free_lattice`] from where they are to go.
+///
+/// * `lattice`, `count`: as for [`free_lattice`].
+/// * `positions`: of the first control points, px, row-major; no more than there are (asserted).
+///
+/// Cost: linear in the positions.
+pub fn control_moves(lattice: &Lattice, count: [usize; 2], positions: &[[f64; 2]]) -> Vec<[f64; 2]> {
+    assert!(positions.len() <= count[0] * count[1], "more positions than control points");
+    let size = lattice.size();
+    let moved = |(i, position): (usize, &[f64; 2])| {
+        let at = [i % count[0], i / count[0]];
+        [0, 1].map(|axis| {
+            position[axis] - lattice.origin[axis] - size[axis] * (at[axis] as f64 / (count[axis] - 1) as f64)
+        })
+    };
+    positions.iter().enumerate().map(moved).collect()
+}
+
 /// Weights of up to four neighbouring control values, the linear continuation folded into them.
 struct Spline {
     first: usize,
@@ -165,6 +183,14 @@ mod tests {
             assert!((warped.x[node] - x - wild[point][0]).abs() < 1e-12);
             assert!((warped.y[node] - y - wild[point][1]).abs() < 1e-12);
         }
+    }
+
+    #[test]
+    fn positions_are_moves_from_rest() {
+        let count = [3, 2];
+        let positions = [[10.0, 20.0], [61.0, 18.0], [110.0, 20.0], [12.0, 80.0]];
+        let expected = [[0.0, 0.0], [1.0, -2.0], [0.0, 0.0], [2.0, 0.0]];
+        assert_eq!(control_moves(&LATTICE, count, &positions), expected);
     }
 
     #[test]

@@ -40,6 +40,12 @@ pub fn lens(
     })
 }
 
+/// Half the diagonal of the lattice's rectangle, px.
+pub fn half_diagonal(lattice: &Lattice) -> f64 {
+    let [width, height] = lattice.size();
+    0.5 * libm::hypot(width, height)
+}
+
 #[cfg(test)]
 mod tests {
     use super::super::certify;
