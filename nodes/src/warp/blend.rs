@@ -18,7 +18,7 @@ pub struct Blend {
     /// The warp at an amount of 0; the identity if not connected.
     pub from: Option<In<Warp>>,
     /// How much of the warp; beyond 0 to 1 it overshoots.
-    #[default(0.5)]
+    #[default(1.0)]
     #[schemars(range(min = -1.0, max = 2.0), extend("x-soft" = [0.0, 1.0]))]
     pub amount: f64,
 }

@@ -13,15 +13,10 @@ use warploom_core::value::Grid;
 pub struct Lens {
     /// Lattice to warp.
     pub grid: In<Grid>,
-    /// Coefficient of the second power of the distance in the growth; positive pushes outwards (pincushion), negative pulls inwards (barrel).
-    #[schemars(range(min = -10.0, max = 10.0), extend("x-soft" = [-0.5, 0.5]))]
-    pub k1: f64,
-    /// Coefficient of the fourth power of the distance.
-    #[schemars(range(min = -10.0, max = 10.0), extend("x-soft" = [-0.5, 0.5]))]
-    pub k2: f64,
-    /// Coefficient of the sixth power of the distance.
-    #[schemars(range(min = -10.0, max = 10.0), extend("x-soft" = [-0.5, 0.5]))]
-    pub k3: f64,
+    /// k1, k2 and k3, for the second, fourth and sixth power of the distance; positive ones push outwards (pincushion),
+    /// negative ones pull inwards (barrel).
+    #[schemars(inner(range(min = -10.0, max = 10.0)), extend("x-soft" = [-0.5, 0.5]))]
+    pub k: [f64; 3],
     /// The distance that counts as 1; half the lattice's diagonal if not given.
     #[schemars(range(min = 0.01, max = 1000000.0), extend("x-unit" = "px", "x-soft" = [16.0, 4096.0]))]
     pub radius: Option<f64>,
@@ -38,7 +33,7 @@ impl Node for Lens {
         super::warped(cx, &cx.get(&self.grid), |lattice, watch| {
             let center = self.center.unwrap_or(lattice.center());
             let radius = self.radius.unwrap_or_else(|| warp::half_diagonal(lattice));
-            warp::lens(lattice, [self.k1, self.k2, self.k3], radius, center, watch)
+            warp::lens(lattice, self.k, radius, center, watch)
         })
     }
 }

@@ -26,7 +26,7 @@ pub struct Perspective {
     /// Where the lower left corner goes; it stays if not given.
     #[schemars(extend("x-unit" = "px"))]
     pub bottom_left: Option<[f64; 2]>,
-    /// Left, upper, right and lower edge of the rectangle whose corners these are; the lattice's if not given.
+    /// The rectangle whose corners these are: its left and upper edge, its width and height; the lattice's if not given.
     #[schemars(extend("x-unit" = "px"))]
     pub rectangle: Option<[f64; 4]>,
 }
@@ -40,10 +40,11 @@ impl Node for Perspective {
         let lattice = super::lattice(cx, &grid)?;
         let [width, height] = lattice.size();
         let [left, top] = lattice.origin;
-        let [left, top, right, bottom] = self.rectangle.unwrap_or([left, top, left + width, top + height]);
-        if !(left < right && top < bottom) || !(right - left).is_finite() || !(bottom - top).is_finite() {
-            let message = format!("the rectangle from ({left}, {top}) to ({right}, {bottom}) px has no area");
-            return Err(NodeError::refused(message).at("rectangle").hint("its edges are left, upper, right, lower"));
+        let [left, top, width, height] = self.rectangle.unwrap_or([left, top, width, height]);
+        let [right, bottom] = [left + width, top + height];
+        if !(left < right && right.is_finite() && top < bottom && bottom.is_finite()) {
+            let message = format!("a rectangle of {width} x {height} px at ({left}, {top}) has no area");
+            return Err(NodeError::refused(message).at("rectangle").hint("width and height are positive"));
         }
         let pins = [self.top_left, self.top_right, self.bottom_right, self.bottom_left];
         let rest = [[left, top], [right, top], [right, bottom], [left, bottom]];
