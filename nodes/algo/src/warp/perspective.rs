@@ -97,7 +97,7 @@ fn vanishing(size: [f64; 2], moves: &[[f64; 2]; 4]) -> Option<[f64; 2]> {
 /// The first point on the way around `corners` where `depth`, affine, is not positive, found from a corner where it is.
 fn crossing(corners: [[f64; 2]; 4], depth: impl Fn([f64; 2]) -> f64) -> Option<[f64; 2]> {
     let depths = corners.map(&depth);
-    let behind = (0..4).find(|&i| !(depths[i] > 0.0))?;
+    let behind = (0..4).find(|&i| depths[i].is_nan() || depths[i] <= 0.0)?;
     let in_front = [(behind + 1) % 4, (behind + 3) % 4].into_iter().find(|&i| depths[i] > 0.0);
     Some(in_front.map_or(corners[behind], |i| {
         let t = depths[i] / (depths[i] - depths[behind]);
