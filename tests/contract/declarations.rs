@@ -9,7 +9,7 @@ use crate::stage::{Stage, Subject, engine, node_types};
 use crate::texts;
 
 /// Units that parameters may have; a number without one is a plain number.
-const UNITS: [&str; 5] = ["px", "deg", "cells", "frames", "seconds"];
+const UNITS: [&str; 6] = ["px", "deg", "percent", "cells", "frames", "seconds"];
 
 #[test]
 fn names_are_unique_and_the_list_is_sorted() {

@@ -14,7 +14,7 @@ use warploom_core::value::Digest;
 type Results = BTreeMap<String, String>;
 
 /// The plan of an example that runs all its nodes and writes to `folder`.
-fn plan(graph: &Path, folder: &Path) -> Arc<Plan> {
+pub fn plan(graph: &Path, folder: &Path) -> Arc<Plan> {
     let text = std::fs::read_to_string(graph).expect("readable");
     let registry = Registry::new(warploom_nodes::NODES);
     let checked = check(&text, &registry, &Options::new(graph));

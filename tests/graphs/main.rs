@@ -3,6 +3,7 @@
 #![allow(missing_docs)]
 
 mod determinism;
+mod pictures;
 
 use std::path::{Path, PathBuf};
 

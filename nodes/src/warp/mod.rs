@@ -1,19 +1,65 @@
-//! Predefined warps: where each lattice node goes.
+//! Predefined warps: where each lattice node goes; and warps made of warps.
 
 mod affine;
 mod arc;
+mod arc_lower;
+mod arc_upper;
+mod arch;
+mod bezier_envelope;
+mod blend;
+mod bulge;
+mod compose;
+mod fish;
+mod fisheye;
+mod flag;
+mod free_lattice;
+mod inflate;
+mod invert;
+mod lens;
+mod perspective;
+mod ripple;
+mod rise;
+mod shell_lower;
+mod shell_upper;
+mod squeeze;
 mod stretch;
 mod swirl;
+mod turbulence;
+mod twist;
 mod wave;
 
 pub use affine::Affine;
 pub use arc::Arc;
+pub use arc_lower::ArcLower;
+pub use arc_upper::ArcUpper;
+pub use arch::Arch;
+pub use bezier_envelope::BezierEnvelope;
+pub use blend::Blend;
+pub use bulge::Bulge;
+pub use compose::Compose;
+pub use fish::Fish;
+pub use fisheye::Fisheye;
+pub use flag::Flag;
+pub use free_lattice::{FreeLattice, Given};
+pub use inflate::Inflate;
+pub use invert::{Gives, Invert};
+pub use lens::Lens;
+pub use perspective::Perspective;
+pub use ripple::Ripple;
+pub use rise::Rise;
+pub use shell_lower::ShellLower;
+pub use shell_upper::ShellUpper;
+pub use squeeze::Squeeze;
 pub use stretch::Stretch;
 pub use swirl::Swirl;
+pub use turbulence::Turbulence;
+pub use twist::Twist;
 pub use wave::Wave;
 
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use warploom_algo::lattice::{Lattice, Positions};
-use warploom_algo::warp::certify;
+use warploom_algo::warp::{self, certify};
 use warploom_algo::{Interrupted, Watch};
 use warploom_core::node::{Context, NodeError, Output, Outputs};
 use warploom_core::value::{Direction, Grid, Kind, Warp};
@@ -41,10 +87,47 @@ fn warped(
 
 /// A forward warp with its certificate in the stats.
 pub(crate) fn certified(cx: &Context, grid: &Grid, positions: Positions) -> Result<Outputs, NodeError> {
+    derived(cx, grid, Direction::DstFromSrc, positions)
+}
+
+/// A warp with the certificate of its positions, whichever way they point, in the stats.
+fn derived(cx: &Context, grid: &Grid, direction: Direction, positions: Positions) -> Result<Outputs, NodeError> {
     let certificate = watched(cx, |watch| certify(&crate::adapt::lattice(grid), &positions, watch))?;
-    let warp = Warp { grid: *grid, direction: Direction::DstFromSrc, x: positions.x.into(), y: positions.y.into() };
+    let warp = Warp { grid: *grid, direction, x: positions.x.into(), y: positions.y.into() };
     Ok(Outputs::from(warp)
         .stat("min_jacobian", certificate.min_jacobian)
         .stat("min_jacobian_cell", certificate.at_cell.to_vec())
         .stat("folds", certificate.folds))
+}
+
+/// Refuses two warps of which one says where pixels go and the other where they come from.
+fn assert_alike(first: &Warp, second: &Warp, port: &'static str) -> Result<(), NodeError> {
+    let says = |warp: &Warp| match warp.direction {
+        Direction::DstFromSrc => "where pixels go",
+        Direction::SrcFromDst => "where pixels come from",
+    };
+    if first.direction == second.direction {
+        return Ok(());
+    }
+    let message = format!("it says {}, the other warp {}", says(second), says(first));
+    Err(NodeError::refused(message).at(port).hint("turn one of them round with Invert(gives: OtherWay)"))
+}
+
+/// Along which axis a bent warp lies.
+#[derive(Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub enum Orientation {
+    /// As described.
+    #[default]
+    Horizontal,
+    /// With the axes exchanged: what was up is left, what was down is right.
+    Vertical,
+}
+
+impl From<Orientation> for warp::Orientation {
+    fn from(orientation: Orientation) -> Self {
+        match orientation {
+            Orientation::Horizontal => Self::Horizontal,
+            Orientation::Vertical => Self::Vertical,
+        }
+    }
 }

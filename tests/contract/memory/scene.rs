@@ -79,14 +79,46 @@ fn case(text: impl Into<String>) -> Case {
     Case { text: text.into(), before: None }
 }
 
+/// What makes a warp of a lattice.
+const WARPS: [&str; 24] = [
+    "Affine",
+    "Arc",
+    "ArcLower",
+    "ArcUpper",
+    "Arch",
+    "BezierEnvelope",
+    "Bulge",
+    "Fish",
+    "Fisheye",
+    "Flag",
+    "FreeLattice",
+    "Inflate",
+    "Lens",
+    "Perspective",
+    "Ripple",
+    "Rise",
+    "ShellLower",
+    "ShellUpper",
+    "Squeeze",
+    "Stretch",
+    "Swirl",
+    "Turbulence",
+    "Twist",
+    "Wave",
+];
+
 /// Each node type on its largest inputs.
 pub fn cases() -> Vec<Case> {
-    let warps = ["Affine", "Arc", "Stretch", "Swirl", "Wave"].map(|warp| format!("{warp}(grid: \"grid\")"));
+    let warps = WARPS.map(|warp| format!("{warp}(grid: \"grid\")"));
     let cards = ["Checker", "Constant", "Ramp"].map(|card| format!("{card}(size: (WIDTH, HEIGHT))"));
     let others = [
+        r#"Blend(warp: "wave")"#,
+        r#"Blend(warp: "wave", from: "wild")"#,
         r#"Combine(masks: ["a.dots", "b.discs", "b.dots"])"#,
         r#"Components(mask: "a.discs")"#,
         r#"Components(mask: "a.dots", connectivity: Four)"#,
+        r#"Compose(first: "wave", second: "bent")"#,
+        r#"Compose(first: "bent", second: "fine")"#,
         r#"Difference(a: "a.image", b: "b.image")"#,
         r#"DrawGrid(image: "a.image", warp: "wave", every: 1)"#,
         r#"FeatureFactor(grid: "coarse", features: "labels")"#,
@@ -101,6 +133,8 @@ pub fn cases() -> Vec<Case> {
         r#"HandleFactor(grid: "coarse")"#,
         r#"Handles(factor: "pins", points: [(from: (90.0, 80.0), to: (70.0, 99.0)), (from: (900.0, 80.0), to: (800.0, 9.0))])"#,
         r#"Handles(factor: "pins", top: [(0.0, 0.0), (600.0, -90.0), (1200.0, 0.0)], left: [(0.0, 0.0), (90.0, 700.0)], mode: Rigid)"#,
+        r#"Invert(warp: "wave")"#,
+        r#"Invert(warp: "bent", grid: "grid")"#,
         r#"Lattice(domain: "a.image", cell: 1.0)"#,
         r#"Over(images: ["a.image", "b.image"])"#,
         r#"Over(images: ["a.image", "b.image", "a.image", "b.image"])"#,

@@ -3,8 +3,11 @@
 use super::forward::Forward;
 use super::net::{Net, Place};
 use super::{Map, spans::Point};
+use crate::lattice::Positions;
 use crate::rect::Rect;
+use crate::steps::Steps;
 use crate::{Interrupted, Watch};
+use rayon::prelude::*;
 
 /// Pixel rows per band; bands are worked on side by side.
 pub(super) const BAND_HEIGHT: usize = 64;
@@ -100,6 +103,33 @@ impl<'a> Locator<'a> {
             }
         })
     }
+}
+
+/// Source positions of the centres of all pixels of a window, row-major; NaN where neither the map nor its
+/// continuation reaches.
+pub(crate) fn sources(map: &Map, window: Rect, watch: Watch) -> Result<Positions, Interrupted> {
+    let locator = Locator::new(map, window, None, watch)?;
+    let width = window.width();
+    let (mut x, mut y) = (vec![f64::NAN; width * window.height()], vec![f64::NAN; width * window.height()]);
+    let steps = Steps::new(watch, window.height().div_ceil(BAND_HEIGHT));
+    let bands = x.par_chunks_mut(width * BAND_HEIGHT).zip(y.par_chunks_mut(width * BAND_HEIGHT)).enumerate();
+    bands.try_for_each(|(index, (xs, ys))| {
+        let top = window.y0 + (index * BAND_HEIGHT) as i64;
+        let mut located = Located::default();
+        for left in (0..width).step_by(TILE_WIDTH) {
+            let right = width.min(left + TILE_WIDTH);
+            let height = (xs.len() / width) as i64;
+            let tile = Rect::new(window.x0 + left as i64, top, window.x0 + right as i64, top + height);
+            located.locate(Some(&locator), index, &tile, watch)?;
+            for row in 0..located.height() {
+                let (from_x, from_y) = located.row(row);
+                xs[row * width + left..row * width + right].copy_from_slice(from_x);
+                ys[row * width + left..row * width + right].copy_from_slice(from_y);
+            }
+        }
+        steps.step()
+    })?;
+    Ok(Positions { x, y })
 }
 
 /// Evaluates a backward map at the tile's pixel centres.

@@ -25,6 +25,8 @@ mod sample;
 mod spans;
 
 pub use bounds::bounds;
+pub(crate) use locate::sources;
+pub(crate) use net::{Net, Place};
 pub use sample::{Edge, Filter};
 
 use crate::lattice::{Lattice, Positions};

@@ -5,14 +5,14 @@ use crate::lattice::{Lattice, Positions};
 
 /// A lattice with its nodes' positions: bilinear between nodes, the border cells' patches continued outside.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Net<'a> {
+pub(crate) struct Net<'a> {
     pub lattice: &'a Lattice,
     pub positions: &'a Positions,
 }
 
 /// Where a coordinate stands along one axis of a lattice: at `node + t * (next - node)`.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Place {
+pub(crate) struct Place {
     pub node: usize,
     pub next: usize,
     pub t: f64,

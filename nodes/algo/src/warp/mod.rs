@@ -1,18 +1,36 @@
-//! Predefined warps, and the certificate that a warp does not fold.
+//! Predefined warps, warps made of warps, and the certificate that a warp does not fold.
 //!
 //! Every generator gives node positions `dst_from_src`: where a lattice's nodes go. Each is written as the rest
 //! position plus a displacement, so parameters that mean "no change" give the rest positions bit for bit.
 
 mod affine;
 mod arc;
+mod bend;
 mod certify;
+mod compose;
+mod envelope;
+mod free_lattice;
+mod invert;
+mod lens;
+mod perspective;
+mod ripple;
 mod swirl;
+mod turbulence;
 mod wave;
 
 pub use affine::{Affine, affine, stretch};
 pub use arc::arc;
+pub use bend::{Bend, Orientation, Shape, bend};
 pub use certify::{Certificate, certify};
+pub use compose::{Composed, blend, compose};
+pub use envelope::{Envelope, envelope};
+pub use free_lattice::{control_moves, free_lattice};
+pub use invert::{InvertError, Inverted, image_lattice, invert};
+pub use lens::{half_diagonal, lens};
+pub use perspective::{PerspectiveError, perspective};
+pub use ripple::ripple;
 pub use swirl::swirl;
+pub use turbulence::{Turbulence, turbulence};
 pub use wave::wave;
 
 /// Sine and cosine of an angle in degrees, exact at multiples of 90.
@@ -49,6 +67,16 @@ mod tests {
             let (rest, warped) = (Positions::from_map(&lattice, |p| p), warp(&lattice));
             assert_eq!(bits(&rest.x), bits(&warped.x));
             assert_eq!(bits(&rest.y), bits(&warped.y));
+        }
+    }
+
+    /// Asserts that `warp` gives the same bits on any number of threads.
+    pub(super) fn assert_threads_agree(warp: impl Fn() -> Positions + Send + Sync) {
+        let bits = |Positions { x, y }: Positions| x.iter().chain(&y).map(|at| at.to_bits()).collect::<Vec<_>>();
+        let expected = bits(warp());
+        for threads in [1, 2, 3, 8] {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
+            assert_eq!(bits(pool.install(&warp)), expected, "{threads} threads");
         }
     }
 
