@@ -13,6 +13,7 @@ pub mod draw;
 pub mod feature;
 pub mod lattice;
 pub mod mask;
+pub mod mesh;
 pub mod poisson;
 pub mod rect;
 pub mod resample;
