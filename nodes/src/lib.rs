@@ -7,6 +7,7 @@ pub mod grid;
 pub mod image;
 pub mod io;
 pub mod mask;
+pub mod mesh;
 pub mod time;
 pub mod warp;
 
@@ -20,6 +21,7 @@ pub const NODES: &[Definition] = &[
     def::<mask::Combine>("Combine"),
     def::<mask::Components>("Components"),
     def::<card::Constant>("Constant"),
+    def::<mesh::Cylinder>("Cylinder"),
     def::<image::Difference>("Difference"),
     def::<image::DrawGrid>("DrawGrid"),
     def::<feature::FeatureFactor>("FeatureFactor"),
@@ -28,13 +30,17 @@ pub const NODES: &[Definition] = &[
     def::<mask::Grow>("Grow"),
     def::<grid::Lattice>("Lattice"),
     def::<io::Load>("Load"),
+    def::<mesh::LoadMesh>("LoadMesh"),
     def::<image::Over>("Over"),
     def::<mask::Polygon>("Polygon"),
     def::<card::Ramp>("Ramp"),
+    def::<mesh::Render>("Render"),
     def::<image::Resample>("Resample"),
     def::<io::Save>("Save"),
+    def::<mesh::Sphere>("Sphere"),
     def::<warp::Stretch>("Stretch"),
     def::<warp::Swirl>("Swirl"),
     def::<mask::Threshold>("Threshold"),
+    def::<mesh::Torus>("Torus"),
     def::<warp::Wave>("Wave"),
 ];
