@@ -36,7 +36,9 @@ impl Node for Torus {
     fn compute(&self, cx: &Context) -> Result<Outputs, NodeError> {
         if self.tube > self.radius {
             let message = format!("the tube's radius {} is larger than the radius {}", self.tube, self.radius);
-            return Err(NodeError::refused(message).at("tube").hint("a tube of at most the radius does not cut itself"));
+            return Err(NodeError::refused(message)
+                .at("tube")
+                .hint("a tube of at most the radius does not cut itself"));
         }
         super::shape(cx, [self.segments, self.sides], |watch| {
             mesh::torus(self.radius, self.tube, self.segments as usize, self.sides as usize, watch)

@@ -47,12 +47,7 @@ pub struct Surface<'a> {
 impl Mesh {
     /// A view of its arrays.
     pub fn surface(&self) -> Surface<'_> {
-        Surface {
-            positions: &self.positions,
-            uvs: &self.uvs,
-            normals: &self.normals,
-            triangles: &self.triangles,
-        }
+        Surface { positions: &self.positions, uvs: &self.uvs, normals: &self.normals, triangles: &self.triangles }
     }
 }
 

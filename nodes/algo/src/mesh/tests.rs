@@ -131,9 +131,8 @@ fn polygons_are_cut_into_triangles_of_their_area() {
     };
     // An arrowhead and an E, both in the plane y = 3 and seen from above; any corner may come first.
     let arrow = [[0.0, 0.0], [2.0, 4.0], [4.0, 0.0], [2.0, 1.0]];
-    let letter =
-        [[0, 0], [3, 0], [3, 1], [1, 1], [1, 2], [3, 2], [3, 3], [1, 3], [1, 4], [3, 4], [3, 5], [0, 5]]
-            .map(|corner| corner.map(f64::from));
+    let letter = [[0, 0], [3, 0], [3, 1], [1, 1], [1, 2], [3, 2], [3, 3], [1, 3], [1, 4], [3, 4], [3, 5], [0, 5]]
+        .map(|corner| corner.map(f64::from));
     for (flat, expected) in [(&arrow[..], 6.0), (&letter[..], 11.0)] {
         for first in 0..flat.len() {
             let turned = flat.iter().cycle().skip(first).take(flat.len());
@@ -260,7 +259,8 @@ fn the_nearest_surface_is_seen_in_any_order() {
         both.uvs.extend(&second.uvs);
         both.triangles.extend(second.triangles.iter().map(|triangle| triangle.map(|vertex| vertex + 4)));
         let two = [0.25, 0.75];
-        let [r, ..] = picture(both.surface(), [Some(View::packed(&two, 2, 1)), None, None, None], &square_on(), [16, 16]);
+        let [r, ..] =
+            picture(both.surface(), [Some(View::packed(&two, 2, 1)), None, None, None], &square_on(), [16, 16]);
         assert_eq!((r[8 * 16 + 4], r[8 * 16 + 11]), (0.75, 0.25));
     }
 }
@@ -331,8 +331,10 @@ fn the_camera_goes_round_its_target() {
         [mean(|at| at % 64).round(), mean(|at| at / 64).round()]
     };
     let (right, top, front) = (dot([1.0, 0.0, 0.0]), dot([0.0, 1.0, 0.0]), dot([0.0, 0.0, 1.0]));
-    let views = |mesh| [(0.0, 0.0, 0.0), (90.0, 0.0, 0.0), (180.0, 0.0, 0.0), (0.0, 90.0, 0.0), (0.0, 0.0, 90.0)]
-        .map(|(azimuth, elevation, roll)| seen(mesh, azimuth, elevation, roll));
+    let views = |mesh| {
+        [(0.0, 0.0, 0.0), (90.0, 0.0, 0.0), (180.0, 0.0, 0.0), (0.0, 90.0, 0.0), (0.0, 0.0, 90.0)]
+            .map(|(azimuth, elevation, roll)| seen(mesh, azimuth, elevation, roll))
+    };
     assert_eq!(views(&right), [[1.0, 0.0], [0.0, 0.0], [-1.0, 0.0], [1.0, 0.0], [0.0, 1.0]]);
     assert_eq!(views(&top), [[0.0, -1.0], [0.0, -1.0], [0.0, -1.0], [0.0, 0.0], [1.0, 0.0]]);
     assert_eq!(views(&front)[1], [-1.0, 0.0]);
@@ -354,10 +356,18 @@ fn textures_of_any_size_keep_their_mean() {
     for [width, height] in [[1, 1], [2, 3], [7, 5], [1, 9], [13, 4]] {
         let texture: Vec<f32> = (0..width * height).map(|i| ((i * 7) % 5) as f32).collect();
         let mean = texture.iter().sum::<f32>() / texture.len() as f32;
-        let [r, ..] =
-            picture(wall(0.0).surface(), [Some(View::packed(&texture, width, height)), None, None, None], &square_on(), [1, 1]);
+        let [r, ..] = picture(
+            wall(0.0).surface(),
+            [Some(View::packed(&texture, width, height)), None, None, None],
+            &square_on(),
+            [1, 1],
+        );
         assert!((r[0] - mean).abs() < 0.35 * mean.max(0.1), "{width} x {height}: {} for {mean}", r[0]);
-        let pyramid = texture::Pyramid::new(&[Some(View::packed(&texture, width, height)), None, None, None], [width, height], UNWATCHED);
+        let pyramid = texture::Pyramid::new(
+            &[Some(View::packed(&texture, width, height)), None, None, None],
+            [width, height],
+            UNWATCHED,
+        );
         let smallest = pyramid.expect("nobody interrupts").smallest();
         assert!((smallest.unwrap_or(mean) - mean).abs() < 1e-5, "{width} x {height}: {smallest:?} for {mean}");
     }
@@ -404,8 +414,13 @@ fn closed_shapes_have_no_cracks() {
     let mesh = sphere(1.0, 24, 12, UNWATCHED).expect("done");
     for turn in 0..6 {
         let angle = f64::from(turn) * 17.3;
-        let camera =
-            Camera { distance: 1.2, azimuth_deg: angle, elevation_deg: 2.0 * angle, roll_deg: angle, ..square_on().camera };
+        let camera = Camera {
+            distance: 1.2,
+            azimuth_deg: angle,
+            elevation_deg: 2.0 * angle,
+            roll_deg: angle,
+            ..square_on().camera
+        };
         // From so near the sphere fills the picture.
         let [.., a] = white(mesh.surface(), &Look { camera, two_sided: false, ..square_on() }, [48, 48]);
         assert!(a.iter().all(|alpha| *alpha == 1.0), "turned {angle}");
