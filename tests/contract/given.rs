@@ -173,11 +173,11 @@ impl Which {
     /// A slanted square, of wild corners for a picture of wild samples.
     fn mesh(self) -> Mesh {
         let slant = f64::from(self as u8) / 20.0;
-        let mut positions = vec![[-0.8, 0.7, -slant], [0.9, 0.8, slant], [0.7, -0.9, slant], [-0.6, -0.8, 0.0]];
+        let mut positions = vec![[-0.2, 0.2, -slant], [0.3, 0.2, slant], [0.2, -0.3, slant], [-0.2, -0.2, 0.0]];
         if self == Which::NotFinite {
             positions.extend([[f64::NAN, 0.0, 0.0], [0.0, f64::INFINITY, 1e300]]);
         }
-        let uvs = positions.iter().map(|[x, y, _]| [0.5 + x, 0.5 - y]).collect();
+        let uvs = positions.iter().map(|[x, y, _]| [0.5 + 3.0 * x, 0.5 - 3.0 * y]).collect();
         let last = positions.len() as u32 - 1;
         Mesh { positions, uvs, normals: vec![], triangles: vec![[0, 3, 2], [0, 2, 1], [last, 1, 2]] }
     }

@@ -58,7 +58,7 @@ fn normals_count_if_all_corners_have_one() {
 #[test]
 fn damaged_objs_are_refused_by_line() {
     let cases = [
-        ("f 1/1 2/2 3/9", "line 4: texture coordinate 9 of 1"),
+        ("f 1/1 2/1 1/9", "line 4: texture coordinate 9 of 1"),
         ("f 1/1 2/1 3/1", "line 4: vertex 3 of 2"),
         ("f 1/1 2/1 -3/1", "line 4: vertex -3 of 2"),
         ("f 0/1 1/1 2/1", "line 4: vertex 0 of 2"),
