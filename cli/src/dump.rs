@@ -188,7 +188,8 @@ fn encode(value: &Value, path: &Path, host: &dyn Host) -> Result<Vec<u8>, NodeEr
         Value::Factor(factor) => factor.summary.clone(),
         Value::Points(points) => json!({ "kind": "Points", "positions": points.positions }),
         Value::Mesh(mesh) => json!({
-            "kind": "Mesh", "positions": mesh.positions, "uvs": mesh.uvs, "triangles": mesh.triangles,
+            "kind": "Mesh", "positions": mesh.positions, "uvs": mesh.uvs, "normals": mesh.normals,
+            "triangles": mesh.triangles,
         }),
         Value::Number(number) => json!({ "kind": "Number", "value": number }),
         Value::Text(text) => json!({ "kind": "Text", "value": **text }),

@@ -8,6 +8,7 @@ pub mod handles;
 pub mod image;
 pub mod io;
 pub mod mask;
+pub mod mesh;
 pub mod time;
 pub mod warp;
 
@@ -28,6 +29,7 @@ pub const NODES: &[Definition] = &[
     def::<mask::Components>("Components"),
     def::<warp::Compose>("Compose"),
     def::<card::Constant>("Constant"),
+    def::<mesh::Cylinder>("Cylinder"),
     def::<image::Difference>("Difference"),
     def::<image::DrawGrid>("DrawGrid"),
     def::<feature::FeatureFactor>("FeatureFactor"),
@@ -45,20 +47,24 @@ pub const NODES: &[Definition] = &[
     def::<grid::Lattice>("Lattice"),
     def::<warp::Lens>("Lens"),
     def::<io::Load>("Load"),
+    def::<mesh::LoadMesh>("LoadMesh"),
     def::<image::Over>("Over"),
     def::<warp::Perspective>("Perspective"),
     def::<mask::Polygon>("Polygon"),
     def::<card::Ramp>("Ramp"),
+    def::<mesh::Render>("Render"),
     def::<image::Resample>("Resample"),
     def::<warp::Ripple>("Ripple"),
     def::<warp::Rise>("Rise"),
     def::<io::Save>("Save"),
     def::<warp::ShellLower>("ShellLower"),
     def::<warp::ShellUpper>("ShellUpper"),
+    def::<mesh::Sphere>("Sphere"),
     def::<warp::Squeeze>("Squeeze"),
     def::<warp::Stretch>("Stretch"),
     def::<warp::Swirl>("Swirl"),
     def::<mask::Threshold>("Threshold"),
+    def::<mesh::Torus>("Torus"),
     def::<warp::Turbulence>("Turbulence"),
     def::<warp::Twist>("Twist"),
     def::<warp::Wave>("Wave"),

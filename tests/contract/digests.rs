@@ -106,6 +106,11 @@ impl Content {
             }
             // The solver itself is seen in what FeatureWarp makes of it.
             Value::Factor(factor) => self.about(&(factor.grid, factor.summary.to_string())),
+            Value::Mesh(mesh) => {
+                self.about(&(mesh.positions.len(), mesh.uvs.len(), mesh.normals.len(), &mesh.triangles));
+                let (uvs, vectors) = (mesh.uvs.as_flattened(), [&mesh.positions, &mesh.normals]);
+                self.numbers(vectors.into_iter().flat_map(|vectors| vectors.as_flattened()).chain(uvs).copied());
+            }
             Value::Number(number) => self.numbers([*number].into_iter()),
             Value::Text(text) => self.text(text),
             other => panic!("say what a {} holds", other.kind()),

@@ -170,6 +170,26 @@ impl Which {
         Labels { raster: Raster { windows, samples }, table }
     }
 
+    /// A slanted square, of wild corners for a picture of wild samples.
+    fn mesh(self) -> Mesh {
+        let slant = f64::from(self as u8) / 20.0;
+        let mut positions = vec![[-0.2, 0.2, -slant], [0.3, 0.2, slant], [0.2, -0.3, slant], [-0.2, -0.2, 0.0]];
+        if self == Which::NotFinite {
+            positions.extend([[f64::NAN, 0.0, 0.0], [0.0, f64::INFINITY, 1e300]]);
+        }
+        let uvs = positions.iter().map(|[x, y, _]| [0.5 + 3.0 * x, 0.5 - 3.0 * y]).collect();
+        let last = positions.len() as u32 - 1;
+        Mesh { positions, uvs, normals: vec![], triangles: vec![[0, 3, 2], [0, 2, 1], [last, 1, 2]] }
+    }
+
+    /// Its mesh as the text of an OBJ.
+    pub fn obj(self) -> String {
+        let mesh = if self == Which::NotFinite { Which::Plain } else { self }.mesh();
+        let vertices = mesh.positions.iter().map(|[x, y, z]| format!("v {x} {y} {z}\n"));
+        let uvs = mesh.uvs.iter().map(|[u, v]| format!("vt {u} {v}\n"));
+        vertices.chain(uvs).chain(["f 1/1 4/4 3/3 2/2\n".into()]).collect()
+    }
+
     /// A warp on three by three nodes.
     fn warp(self, direction: Direction, map: impl Fn(usize, f64) -> f64) -> Warp {
         let display = self.windows().display;
@@ -218,6 +238,8 @@ impl Node for Given {
         Output::new("wild", Kind::Warp),
         Output::new("far", Kind::Warp),
         Output::new("collapsed", Kind::Warp),
+        Output::new("bare", Kind::Mesh),
+        Output::new("ragged", Kind::Mesh),
     ];
 
     fn compute(&self, _: &Context) -> Result<Outputs, NodeError> {
@@ -229,13 +251,16 @@ impl Node for Given {
             Field(which.coverage()).into(),
             which.labels().into(),
             Points { positions: vec![[1.5, -2.0], [which as u8 as f64, 4.0]] }.into(),
-            Mesh { positions: vec![[which as u8 as f64; 3]; 3], uvs: vec![], triangles: vec![[0, 1, 2]] }.into(),
+            which.mesh().into(),
             Value::Number(which as u8 as f64),
             Value::Text(format!("{which:?}").into()),
             which.warp(Direction::SrcFromDst, |_, at| at * 0.9 + 1.0).into(),
             which.warp(Direction::DstFromSrc, wild).into(),
             which.warp(Direction::DstFromSrc, |node, at| at * 1e9 + node as f64).into(),
             which.warp(Direction::DstFromSrc, |_, _| 3.0).into(),
+            Mesh { uvs: vec![], ..which.mesh() }.into(),
+            Mesh { normals: vec![WILD[..3].try_into().expect("three"); 4], triangles: vec![[0, 1, 9]], ..which.mesh() }
+                .into(),
         ]))
     }
 }

@@ -7,6 +7,7 @@ use tempfile::TempDir;
 use warploom_core::diag::{Code, Fault};
 use warploom_core::engine::{Delivery, Engine, Job, Report, Settings, Status};
 use warploom_core::graph::check::{Checked, Options, check};
+use warploom_core::node::OutputKind;
 use warploom_core::registry::{NodeType, Registry, def};
 use warploom_core::schema::{Arity, PortShape, Shape};
 use warploom_core::value::{Kind, Value};
@@ -36,7 +37,7 @@ pub fn sources(kind: Kind) -> &'static [&'static str] {
         }
         Kind::Factor => &["factor", "stiff", "pins", "fine_pins"],
         Kind::Points => &["given.points", "plain.points"],
-        Kind::Mesh => &["given.mesh", "plain.mesh"],
+        Kind::Mesh => &["given.mesh", "plain.mesh", "ball", "given.bare", "given.ragged"],
         Kind::Number => &["given.number", "plain.number"],
         Kind::Text => &["given.text", "plain.text"],
         Kind::Plugin(_) => &[],
@@ -67,13 +68,17 @@ impl Subject {
     pub fn new(node_type: &'static NodeType, which: Which) -> Self {
         let ports = node_type.ports().map(|(param, port)| (param.name.clone(), usual(node_type, port.kinds[0])));
         let missing = node_type.params.iter().filter(|p| p.required && !matches!(p.shape, Shape::Port(_)));
-        let params = missing.map(|p| (p.name.clone(), texts::sample(&p.shape, &format!("{which:?}")))).collect();
-        Self { node_type, which, ports: ports.collect(), params }
+        let params = missing.map(|p| (p.name.clone(), texts::sample(&p.shape, &format!("{which:?}"))));
+        let none = Self { node_type, which, ports: ports.collect(), params: BTreeMap::new() };
+        params.fold(none, |subject, (name, text)| subject.with(&name, &text))
     }
 
     pub fn with(&self, param: &str, text: &str) -> Self {
         let mut other = self.clone();
-        other.params.insert(param.to_owned(), text.to_owned());
+        // Files are pictures, but for nodes that make meshes.
+        let makes_mesh = self.node_type.outputs.first().is_some_and(|output| output.kind == OutputKind::Is(Kind::Mesh));
+        let text = if makes_mesh { text.replace(".exr", ".obj").replace(".png", ".ply") } else { text.to_owned() };
+        other.params.insert(param.to_owned(), text);
         other
     }
 
@@ -130,6 +135,7 @@ impl Subject {
     "stiff": FeatureFactor(grid: "grid", features: "given.labels", weight: 100.0),
     "pins": HandleFactor(grid: "grid"),
     "fine_pins": HandleFactor(grid: "fine"),
+    "ball": Sphere(segments: 12, rings: 6),
     "it": {}({}),
 }})"#,
             self.which,
@@ -192,6 +198,11 @@ impl Stage {
         }
         write("Plain.png".into(), "png", Which::Plain);
         write("Copy.exr".into(), "exr", Which::Plain);
+        let mesh =
+            |name: String, text: &str| std::fs::write(folder.path().join("in").join(name), text).expect("written");
+        Which::ALL.into_iter().for_each(|which| mesh(format!("{which:?}.obj"), &which.obj()));
+        mesh("Copy.obj".into(), &Which::Plain.obj());
+        mesh("Plain.ply".into(), include_str!("plain.ply"));
         Self { folder }
     }
 

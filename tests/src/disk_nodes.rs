@@ -210,8 +210,9 @@ fn points(random: &mut Random, size: usize) -> Value {
 fn mesh(random: &mut Random, size: usize) -> Value {
     let positions = many(random, size, |random| [position(random), position(random), position(random)]);
     let uvs = many(random, size, |random| [position(random), position(random)]);
+    let normals = many(random, size, |random| [position(random), position(random), position(random)]);
     let triangles = many(random, size, |random| [random.next() as u32; 3]);
-    Mesh { positions, uvs, triangles }.into()
+    Mesh { positions, uvs, normals, triangles }.into()
 }
 
 fn number(random: &mut Random, _: usize) -> Value {

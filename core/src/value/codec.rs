@@ -20,7 +20,7 @@ enum Header {
     Grid(Grid),
     Warp { grid: Grid, direction: Direction },
     Points(Points),
-    Mesh(Mesh),
+    Mesh { positions: usize, uvs: usize, normals: usize, triangles: usize },
     Number(u64),
     Text(String),
 }
@@ -52,6 +52,12 @@ pub fn encode(value: &Value, out: &mut dyn Write) -> io::Result<()> {
         out.write_all(bytemuck::cast_slice(&warp.x))?;
         out.write_all(bytemuck::cast_slice(&warp.y))?;
     }
+    if let Value::Mesh(mesh) = value {
+        out.write_all(bytemuck::cast_slice(&mesh.positions))?;
+        out.write_all(bytemuck::cast_slice(&mesh.uvs))?;
+        out.write_all(bytemuck::cast_slice(&mesh.normals))?;
+        out.write_all(bytemuck::cast_slice(&mesh.triangles))?;
+    }
     Ok(())
 }
 
@@ -64,7 +70,12 @@ fn header(value: &Value) -> Option<Header> {
         Value::Grid(grid) => Header::Grid(**grid),
         Value::Warp(warp) => Header::Warp { grid: warp.grid, direction: warp.direction },
         Value::Points(points) => Header::Points((**points).clone()),
-        Value::Mesh(mesh) => Header::Mesh((**mesh).clone()),
+        Value::Mesh(mesh) => Header::Mesh {
+            positions: mesh.positions.len(),
+            uvs: mesh.uvs.len(),
+            normals: mesh.normals.len(),
+            triangles: mesh.triangles.len(),
+        },
         Value::Number(number) => Header::Number(number.to_bits()),
         Value::Text(text) => Header::Text(text.to_string()),
         Value::Factor(_) | Value::Plugin(_) => return None,
@@ -144,11 +155,17 @@ fn read_value(blocks: &mut Blocks<'_>) -> Result<Value, Broken> {
         Header::Grid(grid) => grid.into(),
         Header::Warp { grid, direction } => {
             let count = grid.nodes[0].checked_mul(grid.nodes[1]).ok_or(Broken::Content)?;
-            let (x, y) = (blocks.numbers(count)?, blocks.numbers(count)?);
+            let (x, y) = (blocks.array(count)?, blocks.array(count)?);
             Warp { grid, direction, x: Arc::new(x), y: Arc::new(y) }.into()
         }
         Header::Points(points) => points.into(),
-        Header::Mesh(mesh) => mesh.into(),
+        Header::Mesh { positions, uvs, normals, triangles } => Mesh {
+            positions: blocks.array(positions)?,
+            uvs: blocks.array(uvs)?,
+            normals: blocks.array(normals)?,
+            triangles: blocks.array(triangles)?,
+        }
+        .into(),
         Header::Number(bits) => Value::Number(f64::from_bits(bits)),
         Header::Text(text) => Value::Text(text.into()),
     };
@@ -206,10 +223,10 @@ impl Blocks<'_> {
         Ok(Raster { windows, samples: self.buffer(windows.data.width(), windows.data.height())? })
     }
 
-    fn numbers(&mut self, count: usize) -> Result<Vec<f64>, Broken> {
-        self.take((count as u64).checked_mul(8).ok_or(Broken::Content)?)?;
-        let mut numbers = vec![0.0; count];
-        self.input.read_exact(bytemuck::cast_slice_mut(&mut numbers))?;
-        Ok(numbers)
+    fn array<T: bytemuck::Pod>(&mut self, count: usize) -> Result<Vec<T>, Broken> {
+        self.take((count as u64).checked_mul(size_of::<T>() as u64).ok_or(Broken::Content)?)?;
+        let mut items = vec![T::zeroed(); count];
+        self.input.read_exact(bytemuck::cast_slice_mut(&mut items))?;
+        Ok(items)
     }
 }

@@ -104,15 +104,36 @@ pub struct Points {
     pub positions: Vec<[f64; 2]>,
 }
 
-/// Triangles with texture coordinates.
-#[derive(Clone, Debug, PartialEq, Default, serde::Serialize, serde::Deserialize)]
+/// Triangles with texture coordinates, in a space of their own: right-handed, y up.
+#[derive(Clone, Debug, PartialEq, Default)]
 pub struct Mesh {
     /// One `[x, y, z]` per vertex.
     pub positions: Vec<[f64; 3]>,
-    /// One `[u, v]` per vertex, or none.
+    /// One `[u, v]` per vertex, or none: `[0, 0]` is the picture's upper left corner, `[1, 1]` its lower right one.
     pub uvs: Vec<[f64; 2]>,
-    /// Three vertices per triangle.
+    /// One direction per vertex for smooth shading, or none.
+    pub normals: Vec<[f64; 3]>,
+    /// Three vertices per triangle, counter-clockwise as seen from the front.
     pub triangles: Vec<[u32; 3]>,
+}
+
+impl Mesh {
+    fn digest(&self) -> Digest {
+        let mut hasher = Hasher::new("mesh");
+        hasher
+            .numbers(bytemuck::cast_slice(&self.positions))
+            .numbers(bytemuck::cast_slice(&self.uvs))
+            .bytes(bytemuck::cast_slice(&self.triangles))
+            .numbers(bytemuck::cast_slice(&self.normals));
+        hasher.finish()
+    }
+
+    fn bytes(&self) -> u64 {
+        (size_of_val(self.positions.as_slice())
+            + size_of_val(self.uvs.as_slice())
+            + size_of_val(self.normals.as_slice())
+            + size_of_val(self.triangles.as_slice())) as u64
+    }
 }
 
 /// A plugin's own value.
@@ -210,11 +231,7 @@ impl Value {
             Value::Warp(warp) => warp.digest(),
             Value::Factor(factor) => factor.structure,
             Value::Points(points) => Hasher::new("points").numbers(bytemuck::cast_slice(&points.positions)).finish(),
-            Value::Mesh(mesh) => Hasher::new("mesh")
-                .numbers(bytemuck::cast_slice(&mesh.positions))
-                .numbers(bytemuck::cast_slice(&mesh.uvs))
-                .bytes(bytemuck::cast_slice(&mesh.triangles))
-                .finish(),
+            Value::Mesh(mesh) => mesh.digest(),
             Value::Number(number) => Hasher::new("number").numbers(&[*number]).finish(),
             Value::Text(text) => Hasher::new("text").text(text).finish(),
             Value::Plugin(value) => value.digest,
@@ -243,11 +260,7 @@ impl Value {
             Value::Warp(warp) => 16 * warp.x.len() as u64,
             Value::Factor(factor) => factor.bytes,
             Value::Points(points) => size_of_val(points.positions.as_slice()) as u64,
-            Value::Mesh(mesh) => {
-                (size_of_val(mesh.positions.as_slice())
-                    + size_of_val(mesh.uvs.as_slice())
-                    + size_of_val(mesh.triangles.as_slice())) as u64
-            }
+            Value::Mesh(mesh) => mesh.bytes(),
             Value::Number(_) => 8,
             Value::Text(text) => text.len() as u64,
             Value::Plugin(value) => value.bytes,

@@ -14,6 +14,7 @@ pub mod feature;
 pub mod handles;
 pub mod lattice;
 pub mod mask;
+pub mod mesh;
 pub mod poisson;
 pub mod rect;
 pub mod resample;

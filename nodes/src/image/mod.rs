@@ -20,7 +20,7 @@ use crate::adapt::{view, view_mut};
 const IMAGE: &[Output] = &[Output::new("image", Kind::Image)];
 
 /// A layer's channel where it lies; nothing where there is no such channel of numbers.
-fn placement<'a>(layer: &'a Layer, name: &str) -> Placement<'a> {
+pub(crate) fn placement<'a>(layer: &'a Layer, name: &str) -> Placement<'a> {
     match layer.channel(name).map(|channel| &channel.plane) {
         Some(Plane::F32(plane)) => {
             Placement::Samples(Placed { view: view(plane), x0: layer.data.x0.into(), y0: layer.data.y0.into() })
@@ -30,7 +30,7 @@ fn placement<'a>(layer: &'a Layer, name: &str) -> Placement<'a> {
 }
 
 /// A layer's alpha; a layer without one is opaque.
-fn alpha(layer: &Layer) -> Placement<'_> {
+pub(crate) fn alpha(layer: &Layer) -> Placement<'_> {
     match layer.channel("A") {
         Some(_) => placement(layer, "A"),
         None => Placement::Opaque {

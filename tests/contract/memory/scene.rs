@@ -9,7 +9,7 @@ use smart_default::SmartDefault;
 use tempfile::TempDir;
 use warploom_core::engine::{Cancel, Engine, Job, Observer, Report, Settings};
 use warploom_core::graph::check::{Options, check};
-use warploom_core::node::{Context, Node, NodeError, Output, Outputs};
+use warploom_core::node::{Context, Node, NodeError, Output, Outputs, WritePath};
 use warploom_core::registry::{Registry, def};
 use warploom_core::value::{BufferMut, Channel, Image, Kind, Mask, Plane, Raster, Rect, SampleType, Windows};
 use warploom_nodes::NODES;
@@ -56,6 +56,46 @@ impl Node for Grain {
     }
 }
 
+/// A file with a mesh: a net of triangles.
+#[derive(Serialize, Deserialize, JsonSchema, SmartDefault)]
+#[serde(default, deny_unknown_fields)]
+pub struct Knit {
+    /// An OBJ or a PLY.
+    pub path: WritePath,
+}
+
+impl Node for Knit {
+    const VERSION: u32 = 1;
+    const OUTPUTS: &'static [Output] = &[];
+    const SINK: bool = true;
+
+    fn compute(&self, cx: &Context) -> Result<Outputs, NodeError> {
+        const SIDE: usize = 400;
+        let nodes = || (0..SIDE * SIDE).map(|at| [at % SIDE, at / SIDE]);
+        let cells = nodes().filter(|node| node.iter().all(|at| at + 1 < SIDE));
+        let corners = |[x, y]: [usize; 2]| [y * SIDE + x, y * SIDE + x + 1, (y + 1) * SIDE + x + 1, (y + 1) * SIDE + x];
+        let unit = |at: usize| at as f64 / SIDE as f64;
+        let text: String = if self.path.path().extension().is_some_and(|extension| extension == "ply") {
+            let header = "property float x\nproperty float y\nproperty float z\nproperty float u\nproperty float v\n";
+            let (vertices, faces) = (SIDE * SIDE, (SIDE - 1) * (SIDE - 1));
+            let start = format!("ply\nformat ascii 1.0\nelement vertex {vertices}\n{header}element face {faces}\n");
+            let vertices = nodes().map(|[x, y]| format!("{x} {y} {} {} {}\n", (x * y) % 7, unit(x), unit(y)));
+            let faces = cells.map(corners).map(|[a, b, c, d]| format!("4 {a} {b} {c} {d}\n"));
+            let start = [start, "property list uchar int vertex_indices\nend_header\n".into()];
+            start.into_iter().chain(vertices).chain(faces).collect()
+        } else {
+            let vertices = nodes().map(|[x, y]| format!("v {x} {y} {}\nvt {} {}\n", (x * y) % 7, unit(x), unit(y)));
+            let faces = cells.map(corners).map(|corners| {
+                let [a, b, c, d] = corners.map(|corner| corner + 1);
+                format!("f {a}/{a} {b}/{b} {c}/{c} {d}/{d}\n")
+            });
+            vertices.chain(faces).collect()
+        };
+        cx.write(&self.path, text.as_bytes())?;
+        Ok(Outputs::default())
+    }
+}
+
 /// A number in 0..1.
 fn noise(seed: u32, x: usize, y: usize) -> f32 {
     let mut state = (x as u32).wrapping_mul(0x9E37_79B1) ^ (y as u32).wrapping_mul(0x85EB_CA77) ^ seed << 20;
@@ -64,7 +104,8 @@ fn noise(seed: u32, x: usize, y: usize) -> f32 {
     (state >> 8) as f32 / (1 << 24) as f32
 }
 
-static REGISTRY: LazyLock<Registry> = LazyLock::new(|| Registry::new(&[NODES, &[def::<Grain>("Grain")]].concat()));
+static REGISTRY: LazyLock<Registry> =
+    LazyLock::new(|| Registry::new(&[NODES, &[def::<Grain>("Grain"), def::<Knit>("Knit")]].concat()));
 
 /// A node at work.
 #[derive(Clone, Debug)]
@@ -114,6 +155,11 @@ pub fn cases() -> Vec<Case> {
     let others = [
         r#"Blend(warp: "wave")"#,
         r#"Blend(warp: "wave", from: "wild")"#,
+        r#"Cylinder(segments: 900, rings: 700)"#,
+        r#"Sphere(segments: 900, rings: 700)"#,
+        r#"Torus(segments: 900, sides: 700)"#,
+        r#"Render(mesh: "ball", texture: "a.image", size: (WIDTH, HEIGHT), distance: 2.5)"#,
+        r#"Render(mesh: "ball", texture: "small", size: (320, 240), samples: 8, edge_u: Wrap)"#,
         r#"Combine(masks: ["a.dots", "b.discs", "b.dots"])"#,
         r#"Components(mask: "a.discs")"#,
         r#"Components(mask: "a.dots", connectivity: Four)"#,
@@ -152,7 +198,11 @@ pub fn cases() -> Vec<Case> {
         let save = format!("Save(image: \"a.image\", {file})");
         [case(save.clone()), Case { text: "Load(path: PATH)".into(), before: Some(save) }]
     });
-    warps.into_iter().chain(cards).chain(others.map(str::to_owned)).map(case).chain(saves).collect()
+    let meshes = ["it.obj", "it.ply"].map(|path| {
+        let knit = format!("Knit(path: {path:?})");
+        Case { text: "LoadMesh(path: PATH)".into(), before: Some(knit) }
+    });
+    warps.into_iter().chain(cards).chain(others.map(str::to_owned)).map(case).chain(saves).chain(meshes).collect()
 }
 
 /// Parameters of Save: every format, depth and compression.
@@ -214,6 +264,8 @@ pub fn run(
     "factor": FeatureFactor(grid: "coarse", features: "labels"),
     "exact": FeatureFactor(grid: "rough", features: "labels", boundary: Slide, exact: Similarity),
     "pins": HandleFactor(grid: "coarse"),
+    "ball": Sphere(segments: 400, rings: 300),
+    "small": Checker(size: (64, 48)),
     "it": {text},
 }})"#
     );
