@@ -113,8 +113,9 @@ fn weights<const L: usize, const D: usize>(kernel: &Kernel<L, D>, t: __m256) -> 
 #[inline]
 #[target_feature(enable = "avx2")]
 fn lanes<const L: usize>(values: &[f32; L]) -> __m256 {
+    let values = values.as_ptr();
     // SAFETY: L samples, 4 or 8.
-    unsafe { if L == 4 { _mm256_broadcast_ps(&*values.as_ptr().cast()) } else { _mm256_loadu_ps(values.as_ptr()) } }
+    unsafe { if L == 4 { _mm256_broadcast_ps(&_mm_loadu_ps(values)) } else { _mm256_loadu_ps(values) } }
 }
 
 /// Sums, and with `clamp` the inner taps' least and greatest, of four columns of two pixels, or folded from eight.
