@@ -134,9 +134,9 @@ pub(crate) fn sources(map: &Map, window: Rect, watch: Watch) -> Result<Positions
 
 /// Evaluates a backward map at the tile's pixel centres.
 fn gather(net: &Net, clip: &Clip, tile: &Rect, out: &mut Located) {
-    let columns: Vec<Place> = (tile.x0..tile.x1).map(|x| net.place(0, x as f64 + 0.5)).collect();
+    let columns: Vec<Place> = (tile.x0..tile.x1).map(|x| net.center(0, x)).collect();
     for (row, y) in (tile.y0..tile.y1).enumerate() {
-        let place = net.place(1, y as f64 + 0.5);
+        let place = net.center(1, y);
         let pixels = row * out.width..(row + 1) * out.width;
         let (xs, ys) = (&mut out.x[pixels.clone()], &mut out.y[pixels]);
         for ((x, y), &column) in xs.iter_mut().zip(ys).zip(&columns) {

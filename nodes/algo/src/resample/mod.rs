@@ -21,12 +21,14 @@ mod cell;
 mod forward;
 mod locate;
 mod net;
+mod pixels;
 mod sample;
 mod spans;
 
 pub use bounds::bounds;
 pub(crate) use locate::sources;
 pub(crate) use net::{Net, Place};
+pub use pixels::{pixel_sources, residual};
 pub use sample::{Edge, Filter};
 
 use crate::lattice::{Lattice, Positions};
