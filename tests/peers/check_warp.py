@@ -17,9 +17,9 @@ WARPS = {
     "identity": 'Affine(grid: "grid")',
     "translation": 'Affine(grid: "grid", translate: (3.25, -7.5))',
     "rotation": 'Affine(grid: "grid", rotate: 10.0)',
-    "radial": 'Lens(grid: "grid", k1: 0.08)',
+    "radial": 'Lens(grid: "grid", k: (0.08, 0.0, 0.0))',
     "bulge": 'Bulge(grid: "grid", bend: 20.0)',
-    "smooth": 'Turbulence(grid: "grid", amplitude: 4.0)',
+    "smooth": 'Turbulence(grid: "grid", amount: 4.0, scale: 40.0)',
 }
 # Channels, and the numbers of a pixel centred at c that comes from p, both in px from the upper left corner of the
 # format, written down from what the programs document.

@@ -47,6 +47,11 @@ impl<'a, T> View<'a, T> {
         self.height
     }
 
+    /// All samples from the first row's first on, and how many a row is from the next.
+    pub fn samples(&self) -> (&'a [T], usize) {
+        (self.samples, self.stride)
+    }
+
     /// Row `y`, `width` samples; `y < height`.
     pub fn row(&self, y: usize) -> &'a [T] {
         assert!(y < self.height, "row {y} of {}", self.height);

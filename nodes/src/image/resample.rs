@@ -1,9 +1,11 @@
+use std::cell::Cell;
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use smart_default::SmartDefault;
 use warploom_algo::lattice::{Lattice, Positions};
 use warploom_algo::rect::Rect as Window;
-use warploom_algo::resample::{self, Edge as Border, Filter as Kernel, Map};
+use warploom_algo::resample::{self, Edge as Border, Filter as Kernel, Map, Sampling};
 use warploom_algo::{components, mask};
 use warploom_core::node::{Context, In, Node, NodeError, Output, Outputs, Raster as AnyRaster};
 use warploom_core::value::{
@@ -16,8 +18,10 @@ use crate::adapt::{lattice, positions, view, view_mut, watched};
 /// Draws a picture, mask, field or label map through a warp.
 ///
 /// The warp's cells are drawn as quads. Where none folds, every pixel is drawn once; where several cover a pixel, the
-/// last in row order counts. All layers and channels are drawn; the data window becomes the image of the old one.
-/// Labels and channels of identities are never mixed.
+/// last in row order counts. All layers and channels are drawn, premultiplied as they are. The data window becomes the
+/// pixels that the old one's image overlaps, and what lies outside the display window is drawn and drawn from like the
+/// rest. Labels and channels of identities are never mixed. NaN and infinity spread no farther than the filter's
+/// footprint; `stats` counts such samples before (`bad_samples`) and after (`bad_samples_drawn`).
 #[derive(Serialize, Deserialize, JsonSchema, SmartDefault)]
 #[serde(default, deny_unknown_fields)]
 pub struct Resample {
@@ -27,6 +31,9 @@ pub struct Resample {
     pub warp: In<Warp>,
     /// How samples between pixels are made; labels take the nearest.
     pub filter: Filter,
+    /// Whether a filter's overshoot beside a very bright pixel is cut: between the least and the greatest of the samples
+    /// with weight within 1 px along both axes, the four around a position between pixels.
+    pub clamp_ringing: bool,
     /// What lies outside the data window.
     pub edge: Edge,
     /// Width and height of the new format, at the old one's upper left corner; the old size if not given.
@@ -34,6 +41,8 @@ pub struct Resample {
     pub size: Option<[u32; 2]>,
     /// Whether the new format is the warped picture's bounding box; not together with a size.
     pub fit: bool,
+    /// Whether only the display window is drawn; what lies outside is lost.
+    pub crop: bool,
 }
 
 /// How samples between pixels are made.
@@ -46,6 +55,10 @@ pub enum Filter {
     /// Keys' cubic between sixteen pixels, a = -0.5.
     #[default]
     Cubic,
+    /// Mitchell's cubic between sixteen pixels, soft: it blurs a little even where nothing moves.
+    Mitchell,
+    /// Windowed sinc between thirty-six pixels, sharp; rings beside bright pixels.
+    Lanczos3,
 }
 
 /// What lies outside the data window.
@@ -69,7 +82,7 @@ const BYTES_PER_LABEL: u128 = 160;
 const FAR: i64 = 1 << 24;
 
 impl Node for Resample {
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
     const OUTPUTS: &'static [Output] = &[Output::same_as("image", "image")];
 
     fn compute(&self, cx: &Context) -> Result<Outputs, NodeError> {
@@ -83,8 +96,9 @@ impl Node for Resample {
             direction: warp.direction,
             lattice: lattice(&warp.grid),
             positions: positions(cx, &warp)?,
+            bad: Cell::default(),
         };
-        Ok(match source {
+        let outputs: Outputs = match source {
             Value::Image(image) => drawing.image(&image)?.into(),
             Value::Mask(mask) => {
                 let mut drawn = drawing.raster(&mask.0)?;
@@ -94,7 +108,9 @@ impl Node for Resample {
             Value::Field(field) => Field(drawing.raster(&field.0)?.freeze()).into(),
             Value::Labels(labels) => drawing.labels(&labels)?.into(),
             other => return Err(NodeError::refused(format!("{} has no pixels", other.kind())).at("image")),
-        })
+        };
+        let [before, drawn] = drawing.bad.get();
+        Ok(outputs.stat("bad_samples", before).stat("bad_samples_drawn", drawn))
     }
 }
 
@@ -105,6 +121,8 @@ struct Drawing<'a> {
     direction: Direction,
     lattice: Lattice,
     positions: Positions,
+    /// Samples that are NaN or infinite, before and after.
+    bad: Cell<[u64; 2]>,
 }
 
 /// A raster that is not frozen yet.
@@ -132,11 +150,8 @@ impl Drawing<'_> {
     fn windows(&self, windows: &Windows) -> Result<Windows, NodeError> {
         let display = windows.display;
         let display = self.node.size.map_or(display, |[w, h]| Rect::at(display.x0, display.y0, w as usize, h as usize));
-        // Without the filter's reach: the identity keeps the window.
         let limit = Window { x0: -FAR, y0: -FAR, x1: FAR, y1: FAR };
-        let bounds = watched(self.cx, |watch| {
-            resample::bounds(&self.map(), window(&windows.data), Kernel::Nearest, limit, watch)
-        })?;
+        let bounds = watched(self.cx, |watch| resample::bounds(&self.map(), window(&windows.data), limit, watch))?;
         let bounds = bounds.map(rect);
         // What lies out of reach may be empty and yet millions of rows high.
         let nothing = Rect::at(display.x0, display.y0, 0, 0);
@@ -148,6 +163,10 @@ impl Drawing<'_> {
                 return Err(NodeError::refused(message).at("fit").hint("look at the warp, or give a size"));
             }
             Some(bounds) if self.node.fit => Windows { display: bounds, data: bounds, ..*windows },
+            Some(bounds) if !endless && self.node.crop => {
+                let data = rect(window(&bounds).intersect(&window(&display)));
+                Windows { display, data: if data.is_empty() { nothing } else { data }, ..*windows }
+            }
             Some(bounds) if !endless => Windows { display, data: bounds, ..*windows },
             _ => Windows { display, data: display, ..*windows },
         })
@@ -158,12 +177,17 @@ impl Drawing<'_> {
             Filter::Nearest => Kernel::Nearest,
             Filter::Linear => Kernel::Linear,
             Filter::Cubic => Kernel::Cubic,
+            Filter::Mitchell => Kernel::Mitchell,
+            Filter::Lanczos3 => Kernel::Lanczos3,
         };
+        let sampling = Sampling { filter, edge: self.border(), clamp_ringing: self.node.clamp_ringing };
         let mut out = self.cx.planes(planes.len(), to.width(), to.height())?;
         let (views, outs) = (planes.iter().map(|plane| view(plane)).collect::<Vec<_>>(), views_mut(&mut out));
-        watched(self.cx, |watch| {
-            resample::draw(&self.map(), window(from), window(to), filter, self.border(), &views, outs, watch)
+        let (before, drawn) = watched(self.cx, |watch| {
+            let drawn = resample::draw(&self.map(), window(from), window(to), &sampling, &views, outs, watch)?;
+            Ok((resample::bad_samples(&views, watch)?, drawn.bad))
         })?;
+        self.bad.set([self.bad.get()[0] + before, self.bad.get()[1] + drawn]);
         Ok(out)
     }
 

@@ -1,39 +1,39 @@
-//! The destination window that a picture drawn through a warp can touch.
+//! The destination window of a picture drawn through a warp.
 
+use super::Map;
 use super::cell::Shape;
+use super::locate::Clip;
 use super::net::{Net, Place};
 use super::spans::Point;
-use super::{Filter, Map};
 use crate::rect::Rect;
 use crate::{Interrupted, Watch};
 use rayon::prelude::*;
 
-/// The destination pixels that a picture drawn through a warp with [`Edge::Transparent`](super::Edge) can touch.
+/// What of a pixel's width the image may cover and still be left out, so that rounding adds no pixels, px.
+const SLACK: f64 = 1.0 / (1 << 20) as f64;
+
+/// The destination pixels that the image of a picture overlaps.
 ///
-/// The pixels whose centre lies in the bounding box of the image of `source_window` grown by the filter's reach: of the
-/// corners of all cells, those at the border cut to the grown window, uncut where they fold.
+/// All pixels of which the bounding box of the image of `source_window` covers more than 2^-20 px along both axes: of
+/// the corners of all cells, those at the border cut to the window, uncut where they fold. So both fringes of a
+/// picture moved by part of a pixel are in it, and the identity keeps the window. What the lobes of a wide filter
+/// would add beyond is left out.
 ///
 /// - `map`: the warp.
-/// - `source_window`, `filter`: as for [`draw`](super::draw).
+/// - `source_window`: as for [`draw`](super::draw).
 /// - `limit`: the result is clipped to it, so that a wild warp does not ask for an absurd size.
 ///
 /// A backward map has no closed form: `None`; callers use the display window. Positions that are not finite are
 /// left out; an empty source window gives an empty rectangle.
 ///
 /// Cost: linear in the nodes. Stops when `watch` says so.
-pub fn bounds(
-    map: &Map,
-    source_window: Rect,
-    filter: Filter,
-    limit: Rect,
-    watch: Watch,
-) -> Result<Option<Rect>, Interrupted> {
+pub fn bounds(map: &Map, source_window: Rect, limit: Rect, watch: Watch) -> Result<Option<Rect>, Interrupted> {
     let Map::Forward { lattice, positions } = *map else { return Ok(None) };
     let net = Net::new(lattice, positions);
     if source_window.is_empty() {
         return Ok(Some(Rect::new(limit.x0, limit.y0, limit.x0, limit.y0)));
     }
-    let clip = filter.clip(&source_window);
+    let clip = Clip::grown(&source_window, 0.0);
     let ends = [0, 1].map(|axis| [clip.low, clip.high].map(|end| net.place(axis, end[axis])));
     let [columns, rows] = [0, 1].map(|axis| {
         let rest = |node: usize| lattice.origin[axis] + node as f64 * lattice.spacing[axis];
@@ -52,9 +52,10 @@ pub fn bounds(
             hull
         }
     });
-    // The first pixel whose centre is not before the coordinate; casts saturate.
-    let [low, high] = [hull.low, hull.high].map(|corner| corner.map(|at| (at - 0.5).ceil() as i64));
-    Ok(Some(Rect::new(low[0], low[1], high[0], high[1]).intersect(&limit)))
+    // Casts saturate.
+    let low = hull.low.map(|at| (at + SLACK).floor() as i64);
+    let high = hull.high.map(|at| (at - SLACK).ceil() as i64);
+    Ok(Some(Rect::new(low[0], low[1], high[0].max(low[0]), high[1].max(low[1])).intersect(&limit)))
 }
 
 /// The lattice's cells [column, row] along the border of the rectangle between two places along each axis.

@@ -81,7 +81,7 @@ impl Clip {
 
     #[inline(always)]
     pub fn holds(&self, [x, y]: Point) -> bool {
-        x >= self.low[0] && x < self.high[0] && y >= self.low[1] && y < self.high[1]
+        (x >= self.low[0]) & (x < self.high[0]) & (y >= self.low[1]) & (y < self.high[1])
     }
 }
 
@@ -135,15 +135,44 @@ pub(crate) fn sources(map: &Map, window: Rect, watch: Watch) -> Result<Positions
 /// Evaluates a backward map at the tile's pixel centres.
 fn gather(net: &Net, clip: &Clip, tile: &Rect, out: &mut Located) {
     let columns: Vec<Place> = (tile.x0..tile.x1).map(|x| net.center(0, x)).collect();
+    let first = columns.iter().map(|place| place.node.min(place.next)).min().unwrap_or(0);
+    let end = columns.iter().map(|place| place.node.max(place.next) + 1).max().unwrap_or(0);
+    let dense = columns.iter().enumerate().all(|(i, place)| place.node == first + i && place.next == first + i + 1);
+    let steps: Vec<f64> = columns.iter().map(|place| place.t).collect();
+    let mut nodes = vec![0.0; end - first];
+    let arch = pulp::Arch::new();
     for (row, y) in (tile.y0..tile.y1).enumerate() {
         let place = net.center(1, y);
         let pixels = row * out.width..(row + 1) * out.width;
         let (xs, ys) = (&mut out.x[pixels.clone()], &mut out.y[pixels]);
-        for ((x, y), &column) in xs.iter_mut().zip(ys).zip(&columns) {
-            let position = net.position(column, place);
-            if clip.holds(position) {
-                [*x, *y] = position;
+        arch.dispatch(|| {
+            for (axis, out) in [&mut *xs, &mut *ys].into_iter().enumerate() {
+                blend_rows(net, axis, place, first, &mut nodes);
+                if dense {
+                    for ((out, pair), t) in out.iter_mut().zip(nodes.windows(2)).zip(&steps) {
+                        *out = pair[0] + t * (pair[1] - pair[0]);
+                    }
+                } else {
+                    for (out, place) in out.iter_mut().zip(&columns) {
+                        *out = place.blend(nodes[place.node - first], nodes[place.next - first]);
+                    }
+                }
             }
-        }
+            for (x, y) in xs.iter_mut().zip(ys.iter_mut()) {
+                let inside = clip.holds([*x, *y]);
+                (*x, *y) = if inside { (*x, *y) } else { (f64::NAN, f64::NAN) };
+            }
+        });
+    }
+}
+
+/// One coordinate of the map on the line at `place`, at the columns of nodes from `first` on.
+#[inline(always)]
+fn blend_rows(net: &Net, axis: usize, place: Place, first: usize, out: &mut [f64]) {
+    let values = [&net.positions.x, &net.positions.y][axis];
+    let row = |row: usize| &values[row * net.lattice.nodes[0] + first..][..out.len()];
+    let (here, next) = (row(place.node), row(place.next));
+    for ((out, &here), &next) in out.iter_mut().zip(here).zip(next) {
+        *out = place.blend(here, next);
     }
 }

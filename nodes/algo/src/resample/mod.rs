@@ -18,18 +18,24 @@
 
 mod bounds;
 mod cell;
+mod filter;
 mod forward;
 mod locate;
 mod net;
 mod pixels;
 mod sample;
+#[cfg(target_arch = "x86_64")]
+mod simd;
 mod spans;
+mod taps;
+mod weigh;
 
 pub use bounds::bounds;
+pub use filter::Filter;
 pub(crate) use locate::sources;
 pub(crate) use net::{Net, Place};
 pub use pixels::{pixel_sources, residual};
-pub use sample::{Edge, Filter};
+pub use sample::Edge;
 
 use crate::lattice::{Lattice, Positions};
 use crate::rect::Rect;
@@ -59,53 +65,102 @@ pub enum Map<'a> {
     },
 }
 
+/// How values are made of samples.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Sampling {
+    /// What a value is made of.
+    pub filter: Filter,
+    /// What lies outside the source window.
+    pub edge: Edge,
+    /// Whether a filter's overshoot is cut: a value lies between the least and the greatest of the samples with weight
+    /// whose centres lie within 1 px along both axes, four of them between pixels.
+    pub clamp_ringing: bool,
+}
+
+/// What was drawn.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Drawn {
+    /// Pixels that were drawn; the others are 0.
+    pub pixels: u64,
+    /// Samples drawn, in all planes, that are NaN or infinite.
+    pub bad: u64,
+}
+
 /// Draws planes of samples through a warp.
 ///
 /// The value of a destination pixel is the source filtered at the source position of the pixel's centre; the
-/// filter's footprint does not grow where the map shrinks. Sums are f32 in a fixed order. A position within 2^-25 px
-/// of a pixel's centre gives that pixel's sample bit for bit. Samples of weight zero are not read, so NaN and
-/// infinity spread no farther than the footprint.
+/// filter's footprint does not grow where the map shrinks. Sums are f32 in a fixed order. With a filter that
+/// interpolates (all but Mitchell) a position within 2^-25 px of a pixel's centre gives that pixel's sample bit for
+/// bit. Samples of weight zero are not read, so NaN and infinity spread no farther than the footprint.
 ///
 /// - `map`: the warp; one position per node, nodes may be non-finite (see the module's text).
 /// - `source_window`: the pixels that `planes` hold.
 /// - `dst_window`: the pixels that `out` holds.
-/// - `filter`, `edge`: how a value is made, and of what outside the source window.
+/// - `sampling`: how a value is made, and of what outside the source window.
 /// - `planes`: any number of channels, each of the source window's size.
 /// - `out`: as many, each of the destination window's size; every sample is written.
 /// - `watch`: told the part done.
 ///
-/// Returns how many pixels were drawn; the others are 0: those that no cell covers and, with
-/// [`Edge::Transparent`], those whose position lies outside the source window grown by the filter's reach (0, 1/2 or
-/// 3/2 px for nearest, linear and cubic). Nothing is drawn from an empty source window, or without planes. On `Interrupted`, `out`
-/// is partly written.
+/// Pixels that are not drawn are 0: those that no cell covers and, with [`Edge::Transparent`], those whose position
+/// lies outside the source window grown by the filter's reach (0, 1/2, 3/2 or 5/2 px for nearest, linear, the cubics
+/// and Lanczos). Nothing is drawn from an empty source window, or without planes. On `Interrupted`, `out` is partly
+/// written.
 ///
 /// Cost: linear in the cells and in the destination's pixels times planes. Bands of 64 rows go side by side; the
 /// result does not depend on how many.
 ///
-/// The cubic: R. Keys, "Cubic convolution interpolation for digital image processing", IEEE Trans. ASSP 29, 1981,
-/// equation 15. The exact sign of a turn: J. Shewchuk, "Adaptive precision floating-point arithmetic and fast
+/// Keys' cubic: R. Keys, "Cubic convolution interpolation for digital image processing", IEEE Trans. ASSP 29, 1981,
+/// equation 15. Mitchell's: D. Mitchell and A. Netravali, "Reconstruction filters in computer graphics", SIGGRAPH
+/// 1988, equation 8. The exact sign of a turn: J. Shewchuk, "Adaptive precision floating-point arithmetic and fast
 /// robust geometric predicates", 1997.
 pub fn draw(
     map: &Map,
     source_window: Rect,
     dst_window: Rect,
-    filter: Filter,
-    edge: Edge,
+    sampling: &Sampling,
     planes: &[View<f32>],
     out: Vec<ViewMut<f32>>,
     watch: Watch,
-) -> Result<u64, Interrupted> {
+) -> Result<Drawn, Interrupted> {
+    let &Sampling { filter, edge, clamp_ringing: clamp } = sampling;
     let source = Source { window: source_window, edge };
-    let fill = |positions: &Located, left: usize, out: &mut [ViewMut<f32>]| match filter {
-        Filter::Nearest => sample::nearest(&source, planes, positions, left, out),
-        Filter::Linear => sample::filtered(&source, planes, positions, left, out, sample::linear_weights),
-        Filter::Cubic => sample::filtered(&source, planes, positions, left, out, sample::cubic_weights),
+    let fill = |at: &Located, left: usize, out: &mut [ViewMut<f32>]| match filter {
+        Filter::Nearest => {
+            sample::nearest(&source, planes, at, left, out);
+            not_finite(left, at.width, out)
+        }
+        Filter::Linear => sample::filtered(&filter::LINEAR, clamp, &source, planes, at, left, out),
+        Filter::Cubic => sample::filtered(&filter::CUBIC, clamp, &source, planes, at, left, out),
+        Filter::Mitchell => sample::filtered(&filter::MITCHELL, clamp, &source, planes, at, left, out),
+        Filter::Lanczos3 => sample::filtered(&filter::LANCZOS3, clamp, &source, planes, at, left, out),
     };
     assert_sources(planes, source_window, out.len());
     draw_bands(map, &source, dst_window, filter, out, watch, fill)
 }
 
-/// Draws planes of labels through a warp: [`draw`] with [`Filter::Nearest`] for samples without arithmetic.
+/// How many samples of a tile are NaN or infinite.
+fn not_finite(left: usize, width: usize, out: &mut [ViewMut<f32>]) -> u64 {
+    let count = |values: &[f32]| values.iter().filter(|value| !value.is_finite()).count() as u64;
+    out.iter_mut().map(|out| (0..out.height()).map(|y| count(&out.row_mut(y)[left..left + width])).sum::<u64>()).sum()
+}
+
+/// How many samples of some planes are NaN or infinite.
+///
+/// - `planes`: any number of any size.
+/// - `watch`: stops it between rows.
+///
+/// Cost: reads each sample once, rows side by side.
+pub fn bad_samples(planes: &[View<f32>], watch: Watch) -> Result<u64, Interrupted> {
+    let count = |values: &[f32]| values.iter().map(|value| u32::from(!value.is_finite())).sum::<u32>();
+    let plane = |plane: &View<f32>| {
+        let rows = (0..plane.height()).into_par_iter().map(|y| watch.go_on().map(|()| u64::from(count(plane.row(y)))));
+        rows.try_reduce(|| 0, |a, b| Ok(a + b))
+    };
+    planes.iter().map(plane).sum()
+}
+
+/// Draws planes of labels through a warp: [`draw`] with [`Filter::Nearest`] for samples without arithmetic. Returns how
+/// many pixels were drawn.
 pub fn draw_labels(
     map: &Map,
     source_window: Rect,
@@ -117,10 +172,11 @@ pub fn draw_labels(
 ) -> Result<u64, Interrupted> {
     let source = Source { window: source_window, edge };
     let fill = |positions: &Located, left: usize, out: &mut [ViewMut<u32>]| {
-        sample::nearest(&source, planes, positions, left, out)
+        sample::nearest(&source, planes, positions, left, out);
+        0
     };
     assert_sources(planes, source_window, out.len());
-    draw_bands(map, &source, dst_window, Filter::Nearest, out, watch, fill)
+    Ok(draw_bands(map, &source, dst_window, Filter::Nearest, out, watch, fill)?.pixels)
 }
 
 fn assert_sources<T>(planes: &[View<T>], window: Rect, outputs: usize) {
@@ -132,7 +188,7 @@ fn assert_sources<T>(planes: &[View<T>], window: Rect, outputs: usize) {
 /// Bytes that a thread takes for a tile: positions, and the part of the source that a block needs.
 const TILE_BYTES: usize = 1 << 20;
 
-/// Locates tile by tile, band beside band, and has `fill` write each tile.
+/// Locates tile by tile, band beside band, and has `fill` write each tile and say how many samples are not finite.
 fn draw_bands<T: Send>(
     map: &Map,
     source: &Source,
@@ -140,12 +196,12 @@ fn draw_bands<T: Send>(
     filter: Filter,
     out: Vec<ViewMut<T>>,
     watch: Watch,
-    fill: impl Fn(&Located, usize, &mut [ViewMut<T>]) + Sync,
-) -> Result<u64, Interrupted> {
+    fill: impl Fn(&Located, usize, &mut [ViewMut<T>]) -> u64 + Sync,
+) -> Result<Drawn, Interrupted> {
     let size = (window.width(), window.height());
     assert!(out.iter().all(|out| (out.width(), out.height()) == size), "outputs are {size:?}");
     if window.is_empty() || out.is_empty() {
-        return Ok(0);
+        return Ok(Drawn::default());
     }
     watch.progress(0.0)?;
     watch.reserve(rayon::current_num_threads() * TILE_BYTES)?;
@@ -157,19 +213,19 @@ fn draw_bands<T: Send>(
         let top = window.y0 + (index * BAND_HEIGHT) as i64;
         let band = Rect { y0: top, y1: window.y1.min(top + BAND_HEIGHT as i64), ..window };
         let mut positions = Located::default();
-        let mut drawn = 0;
+        let mut drawn = Drawn::default();
         for left in (0..window.width()).step_by(TILE_WIDTH) {
             let x0 = window.x0 + left as i64;
             let tile = Rect { x0, x1: window.x1.min(x0 + TILE_WIDTH as i64), ..band };
             positions.locate(locator.as_ref(), index, &tile, watch)?;
-            drawn += positions.x.iter().filter(|x| !x.is_nan()).count() as u64;
-            fill(&positions, left, &mut planes);
+            drawn.pixels += positions.x.iter().filter(|x| !x.is_nan()).count() as u64;
+            drawn.bad += fill(&positions, left, &mut planes);
             watch.progress(done.load(Ordering::Relaxed) as f64 / count as f64)?;
         }
         done.fetch_add(1, Ordering::Relaxed);
         Ok(drawn)
     });
-    drawn.try_reduce(|| 0, |a, b| Ok(a + b))
+    drawn.try_reduce(Drawn::default, |a, b| Ok(Drawn { pixels: a.pixels + b.pixels, bad: a.bad + b.bad }))
 }
 
 /// The views cut into bands, those of one band together.

@@ -37,7 +37,8 @@ impl Place {
         }
     }
 
-    fn blend(self, from: f64, to: f64) -> f64 {
+    #[inline(always)]
+    pub fn blend(self, from: f64, to: f64) -> f64 {
         from + self.t * (to - from)
     }
 }

@@ -65,7 +65,7 @@ mod tests {
     use super::*;
     use crate::UNWATCHED;
     use crate::lattice::Lattice;
-    use crate::resample::{Edge, Filter, draw};
+    use crate::resample::{Edge, Filter, Sampling, draw};
     use crate::view::{View, ViewMut};
 
     const LATTICE: Lattice = Lattice { origin: [-2.0, 1.0], spacing: [4.0, 3.0], nodes: [9, 8] };
@@ -130,7 +130,8 @@ mod tests {
         for filter in [Filter::Nearest, Filter::Linear, Filter::Cubic] {
             let mut out = vec![9.0; 20];
             let (planes, outs) = ([View::packed(&picture, 5, 4)], vec![ViewMut::packed(&mut out, 5, 4)]);
-            draw(&map, window, window, filter, Edge::Transparent, &planes, outs, UNWATCHED).expect("nobody stops it");
+            let sampling = Sampling { filter, edge: Edge::Transparent, clamp_ringing: false };
+            draw(&map, window, window, &sampling, &planes, outs, UNWATCHED).expect("nobody stops it");
             for pixel in 0..20 {
                 let expected = if holes.contains(&pixel) { 0.0 } else { picture[pixel] };
                 assert_eq!(out[pixel], expected, "{filter:?}, pixel {pixel}");

@@ -2,7 +2,7 @@ use super::*;
 use crate::UNWATCHED;
 use proptest::prelude::*;
 
-const FILTERS: [Filter; 3] = [Filter::Nearest, Filter::Linear, Filter::Cubic];
+const FILTERS: [Filter; 4] = [Filter::Nearest, Filter::Linear, Filter::Cubic, Filter::Lanczos3];
 const EDGES: [Edge; 4] = [Edge::Transparent, Edge::Clamp, Edge::Mirror, Edge::Wrap];
 
 /// A small generator (Steele's splitmix64): the next number of a sequence.
@@ -33,8 +33,9 @@ fn drawn(map: &Map, source: Rect, dst: Rect, filter: Filter, edge: Edge, planes:
     let mut out = vec![vec![f32::NAN; dst.width() * dst.height()]; planes.len()];
     let views: Vec<_> = planes.iter().map(|p| View::packed(p, source.width(), source.height())).collect();
     let outs = out.iter_mut().map(|o| ViewMut::packed(o, dst.width(), dst.height())).collect();
-    let count = draw(map, source, dst, filter, edge, &views, outs, UNWATCHED).expect("unwatched");
-    (out, count)
+    let sampling = Sampling { filter, edge, clamp_ringing: false };
+    let count = draw(map, source, dst, &sampling, &views, outs, UNWATCHED).expect("unwatched");
+    (out, count.pixels)
 }
 
 fn bits(plane: &[f32]) -> Vec<u32> {
@@ -463,22 +464,21 @@ fn bounds_of_simple_maps() {
     let limit = Rect::new(-1000, -1000, 1000, 1000);
     let lattice = over(Rect::new(0, 0, 100, 70), [21, 13]);
     let shifted = |dx: f64| Positions::from_map(&lattice, |[x, y]| [x + dx, y]);
-    let of = |positions: &Positions, filter, limit| {
-        bounds(&Map::Forward { lattice: &lattice, positions }, window, filter, limit, UNWATCHED)
+    let of = |positions: &Positions, limit| {
+        bounds(&Map::Forward { lattice: &lattice, positions }, window, limit, UNWATCHED)
             .expect("nobody stops it")
             .expect("forward")
     };
-    assert_eq!(of(&shifted(0.0), Filter::Nearest, limit), window);
-    assert_eq!(of(&shifted(0.0), Filter::Linear, limit), window);
-    assert_eq!(of(&shifted(0.0), Filter::Cubic, limit), Rect::new(9, -5, 41, 21));
-    assert_eq!(of(&shifted(2.25), Filter::Linear, limit), Rect::new(12, -4, 43, 20));
-    assert_eq!(of(&shifted(0.0), Filter::Nearest, Rect::new(20, 0, 30, 9)), Rect::new(20, 0, 30, 9));
+    assert_eq!(of(&shifted(0.0), limit), window);
+    assert_eq!(of(&shifted(1e-9), limit), window);
+    assert_eq!(of(&shifted(2.25), limit), Rect::new(12, -4, 43, 20));
+    assert_eq!(of(&shifted(0.0), Rect::new(20, 0, 30, 9)), Rect::new(20, 0, 30, 9));
     let wild = Positions::from_map(&lattice, |[x, y]| [(x - 20.0) * 1e30, y]);
-    assert_eq!(of(&wild, Filter::Nearest, limit), Rect::new(-1000, -4, 1000, 20));
+    assert_eq!(of(&wild, limit), Rect::new(-1000, -4, 1000, 20));
     let broken = Positions { x: vec![f64::NAN; 308], y: vec![f64::NAN; 308] };
-    assert!(of(&broken, Filter::Nearest, limit).is_empty());
+    assert!(of(&broken, limit).is_empty());
     let backward = Map::Backward { lattice: &lattice, positions: &wild };
-    assert_eq!(bounds(&backward, window, Filter::Nearest, limit, UNWATCHED), Ok(None));
+    assert_eq!(bounds(&backward, window, limit, UNWATCHED), Ok(None));
 }
 
 proptest! {
@@ -488,14 +488,85 @@ proptest! {
         let (lattice, positions) = jittered([6, 5], 22, jitter, seed);
         let map = Map::Forward { lattice: &lattice, positions: &positions };
         let (source, dst) = (Rect::new(x0, y0, x0 + 25, y0 + 30), Rect::new(-40, -40, 90, 90));
-        for filter in FILTERS {
-            let (out, _) = drawn(&map, source, dst, filter, Edge::Transparent, &[vec![1.0; 25 * 30]]);
-            let hull = bounds(&map, source, filter, dst, UNWATCHED).expect("nobody stops it").expect("forward");
-            for (i, _) in out[0].iter().enumerate().filter(|(_, value)| **value != 0.0) {
-                let (x, y) = (i as i64 % 130 - 40, i as i64 / 130 - 40);
-                prop_assert!(x >= hull.x0 && x < hull.x1 && y >= hull.y0 && y < hull.y1, "{x} {y} {hull:?}");
+        let (out, _) = drawn(&map, source, dst, Filter::Nearest, Edge::Transparent, &[vec![1.0; 25 * 30]]);
+        let hull = bounds(&map, source, dst, UNWATCHED).expect("nobody stops it").expect("forward");
+        for (i, _) in out[0].iter().enumerate().filter(|(_, value)| **value != 0.0) {
+            let (x, y) = (i as i64 % 130 - 40, i as i64 / 130 - 40);
+            prop_assert!(x >= hull.x0 && x < hull.x1 && y >= hull.y0 && y < hull.y1, "{x} {y} {hull:?}");
+        }
+    }
+}
+
+#[test]
+fn a_half_pixel_shift_treats_both_fringes_alike() {
+    let (source, limit) = (Rect::new(0, 0, 6, 5), Rect::new(-50, -50, 50, 50));
+    let lattice = over(source, [2, 2]);
+    for shift in [0.5, -0.5] {
+        let positions = Positions::from_map(&lattice, |[x, y]| [x + shift, y + shift]);
+        let map = Map::Forward { lattice: &lattice, positions: &positions };
+        let window = bounds(&map, source, limit, UNWATCHED).expect("nobody stops it").expect("forward");
+        assert_eq!((window.width(), window.height()), (7, 6));
+        for filter in [Filter::Linear, Filter::Cubic, Filter::Mitchell, Filter::Lanczos3] {
+            let out = &drawn(&map, source, window, filter, Edge::Transparent, &[vec![1.0; 30]]).0[0];
+            for (i, &value) in out.iter().enumerate() {
+                let opposite = out[41 - i];
+                assert!((value - opposite).abs() < 1e-6 && value > 0.2, "{filter:?} {i}: {value} {opposite}");
             }
         }
+    }
+}
+
+/// A spot of 100 on 0.18, moved by parts of a pixel.
+fn spot(filter: Filter, clamp_ringing: bool, shift: [f64; 2]) -> Vec<f32> {
+    let window = Rect::new(0, 0, 40, 30);
+    let lattice = over(window, [4, 3]);
+    let positions = Positions::from_map(&lattice, |[x, y]| [x + shift[0], y + shift[1]]);
+    let map = Map::Forward { lattice: &lattice, positions: &positions };
+    let (mut plane, mut out) = (vec![0.18; 1200], vec![0.0; 1200]);
+    plane[15 * 40 + 20] = 100.0;
+    let sampling = Sampling { filter, edge: Edge::Clamp, clamp_ringing };
+    let views = [View::packed(&plane, 40, 30)];
+    draw(&map, window, window, &sampling, &views, vec![ViewMut::packed(&mut out, 40, 30)], UNWATCHED)
+        .expect("unwatched");
+    out
+}
+
+#[test]
+fn clamped_ringing_stays_within_the_neighbours() {
+    for (filter, shift) in [Filter::Cubic, Filter::Mitchell, Filter::Lanczos3]
+        .into_iter()
+        .flat_map(|filter| [[0.4, 0.6], [0.5, 0.5], [0.3, 0.0]].map(|shift| (filter, shift)))
+    {
+        let (free, cut) = (spot(filter, false, shift), spot(filter, true, shift));
+        let least = |values: &[f32]| values.iter().copied().fold(f32::INFINITY, f32::min);
+        assert!(least(&free) < -1.0, "{filter:?} {shift:?} rings: {}", least(&free));
+        assert_eq!(least(&cut), 0.18, "{filter:?} {shift:?}");
+        for (free, cut) in free.iter().zip(&cut) {
+            assert!(*cut == *free || (*cut == 0.18) || *cut == 100.0, "only what rings is touched: {free} {cut}");
+        }
+    }
+}
+
+#[test]
+fn bad_samples_are_counted() {
+    let window = Rect::new(0, 0, 40, 30);
+    let lattice = over(window, [4, 3]);
+    let positions = Positions::from_map(&lattice, |[x, y]| [x + 0.5, y + 0.5]);
+    let map = Map::Forward { lattice: &lattice, positions: &positions };
+    let mut plane = vec![1.0; 1200];
+    (plane[15 * 40 + 20], plane[3]) = (f32::NAN, f32::INFINITY);
+    let views = [View::packed(&plane, 40, 30)];
+    assert_eq!(bad_samples(&views, UNWATCHED), Ok(2));
+    // The second one's footprint is cut by the upper border; for the nearest each is one pixel.
+    for (filter, expected) in
+        [(Filter::Nearest, 2), (Filter::Linear, 4 + 4), (Filter::Cubic, 16 + 12), (Filter::Lanczos3, 36 + 24)]
+    {
+        let mut out = vec![0.0; 1200];
+        let sampling = Sampling { filter, edge: Edge::Transparent, clamp_ringing: false };
+        let outs = vec![ViewMut::packed(&mut out, 40, 30)];
+        let drawn = draw(&map, window, window, &sampling, &views, outs, UNWATCHED).expect("unwatched");
+        assert_eq!(drawn.bad, out.iter().filter(|value| !value.is_finite()).count() as u64);
+        assert_eq!(drawn.bad, expected, "{filter:?}");
     }
 }
 
@@ -509,5 +580,6 @@ fn a_watch_stops_it() {
     let stop = |part: f64| if part > 0.0 { Err(Interrupted) } else { Ok(()) };
     let views = [View::packed(&plane, 300, 80)];
     let outs = vec![ViewMut::packed(&mut out, 300, 80)];
-    assert_eq!(draw(&map, window, window, Filter::Cubic, Edge::Wrap, &views, outs, &stop), Err(Interrupted));
+    let sampling = Sampling { filter: Filter::Cubic, edge: Edge::Wrap, clamp_ringing: false };
+    assert_eq!(draw(&map, window, window, &sampling, &views, outs, &stop), Err(Interrupted));
 }

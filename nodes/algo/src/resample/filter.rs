@@ -1,0 +1,147 @@
+//! Filters: how a value is made of the samples around a source position.
+
+use super::locate::Clip;
+use crate::rect::Rect;
+
+/// What a value is made of around a source position.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Filter {
+    /// The pixel that the position lies in.
+    Nearest,
+    /// Bilinear, 2 x 2 pixels.
+    Linear,
+    /// Keys' cubic convolution with a = -1/2 along both axes, 4 x 4 pixels.
+    Cubic,
+    /// Mitchell's and Netravali's cubic with B = C = 1/3, 4 x 4 pixels. It blurs, at whole-pixel positions too.
+    Mitchell,
+    /// The sinc windowed by its own middle lobe, three times as wide, weights divided by their sum, 6 x 6 pixels.
+    Lanczos3,
+}
+
+impl Filter {
+    /// How far outside the source window a position gets weight from it, px: 0, 1/2, 3/2, 5/2 (less the resolution,
+    /// since the weight at the very end is zero).
+    fn reach(self) -> f64 {
+        match self {
+            Self::Nearest => 0.0,
+            Self::Linear => 0.5 - RESOLUTION,
+            Self::Cubic | Self::Mitchell => 1.5 - RESOLUTION,
+            Self::Lanczos3 => 2.5 - RESOLUTION,
+        }
+    }
+
+    /// The source positions that get weight from `window`.
+    pub(super) fn clip(self, window: &Rect) -> Clip {
+        Clip::grown(window, self.reach())
+    }
+}
+
+/// Positions have this many fractional bits, those of an f32.
+pub(super) const FRACTION_BITS: u32 = 24;
+pub(super) const RESOLUTION: f64 = 1.0 / (1_u64 << FRACTION_BITS) as f64;
+
+/// The weights along one axis of `TAPS` pixels, in L lanes (zero in those beyond), as functions of the position's
+/// fraction t of the way from the middle pixel to the next: `at_zero + t * q(t - 1/2)`, q of D coefficients. So they
+/// are exact at t = 0, and one form serves all filters.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Kernel<const L: usize, const D: usize> {
+    pub taps: usize,
+    pub at_zero: [f32; L],
+    pub q: [[f32; L]; D],
+}
+
+/// Cubics over four pixels.
+pub(super) type Cubics = Kernel<4, 3>;
+/// Over six pixels.
+pub(super) type Sixth = Kernel<8, 9>;
+
+pub(super) const LINEAR: Cubics =
+    Kernel { taps: 4, at_zero: [0.0, 1.0, 0.0, 0.0], q: [[0.0, -1.0, 1.0, 0.0], [0.0; 4], [0.0; 4]] };
+
+/// Keys 1981, equation 15.
+pub(super) const CUBIC: Cubics = Kernel {
+    taps: 4,
+    at_zero: [0.0, 1.0, 0.0, 0.0],
+    q: [[-0.125, -0.875, 1.125, -0.125], [0.5, -1.0, 0.5, 0.0], [-0.5, 1.5, -1.5, 0.5]],
+};
+
+/// Mitchell and Netravali 1988, equation 8.
+pub(super) const MITCHELL: Cubics = Kernel {
+    taps: 4,
+    at_zero: [1.0 / 18.0, 16.0 / 18.0, 1.0 / 18.0, 0.0],
+    q: [
+        [-3.25 / 18.0, -12.75 / 18.0, 17.25 / 18.0, -1.25 / 18.0],
+        [8.0 / 18.0, -15.0 / 18.0, 6.0 / 18.0, 1.0 / 18.0],
+        [-7.0 / 18.0, 21.0 / 18.0, -21.0 / 18.0, 7.0 / 18.0],
+    ],
+};
+
+/// Interpolated at nine Chebyshev nodes; 6e-7 from the definition at most.
+pub(super) const LANCZOS3: Sixth = Kernel {
+    taps: 6,
+    at_zero: [0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+    q: [
+        [0.048913044, -0.27173913, -0.77717391, 1.2228261, -0.27173913, 0.048913044, 0.0, 0.0],
+        [-0.22567425, 0.90578884, -1.1189809, 0.22768537, 0.18116195, 0.030018938, 0.0, 0.0],
+        [0.27510305, -0.67004359, 1.2726731, -1.4206594, 0.77921019, -0.23628333, 0.0, 0.0],
+        [0.069749963, -0.34253215, 0.54451202, -0.24901231, 0.12450432, -0.14722184, 0.0, 0.0],
+        [-0.25333366, 0.45680354, -0.74692954, 0.84011911, -0.47726941, 0.18060996, 0.0, 0.0],
+        [0.023405774, 0.13155406, -0.31551215, 0.13594325, -0.095019835, 0.1196289, 0.0, 0.0],
+        [0.11008015, -0.20493266, 0.41595712, -0.48695366, 0.24821514, -0.082366093, 0.0, 0.0],
+        [0.0016411182, -0.088665322, 0.16472022, -0.059048444, 0.025553777, -0.044201347, 0.0, 0.0],
+        [-0.051561526, 0.10379536, -0.20762586, 0.23991146, -0.12464284, 0.040123404, 0.0, 0.0],
+    ],
+};
+
+impl<const L: usize, const D: usize> Kernel<L, D> {
+    /// Whether a whole-pixel position gives that pixel.
+    pub fn interpolates(&self) -> bool {
+        self.at_zero[self.taps / 2 - 1] == 1.0
+    }
+
+    /// The weights at t.
+    #[inline(always)]
+    pub fn weights(&self, t: f32) -> [f32; L] {
+        let s = t - 0.5;
+        std::array::from_fn(|lane| {
+            let q = (0..D - 1).rev().fold(self.q[D - 1][lane], |q, d| q * s + self.q[d][lane]);
+            self.at_zero[lane] + t * q
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn check<const L: usize, const D: usize>(kernel: &Kernel<L, D>, tolerance: f64, exact: impl Fn(f64) -> f64) {
+        for step in 0..1000 {
+            let t = step as f32 / 1000.0;
+            let first = 1.0 - (kernel.taps / 2) as f64;
+            let at = |lane: usize| exact(f64::from(t) - first - lane as f64);
+            let sum: f64 = (0..kernel.taps).map(at).sum();
+            for (lane, weight) in kernel.weights(t).into_iter().enumerate() {
+                let expected = if lane < kernel.taps { at(lane) / sum } else { 0.0 };
+                assert!((f64::from(weight) - expected).abs() < tolerance, "{t} {lane}: {weight}, not {expected}");
+            }
+        }
+    }
+
+    #[test]
+    fn weights_are_the_filters() {
+        check(&LINEAR, 1e-7, |x| (1.0 - x.abs()).max(0.0));
+        check(&CUBIC, 2e-7, |x| match x.abs() {
+            x if x < 1.0 => 1.5 * x * x * x - 2.5 * x * x + 1.0,
+            x if x < 2.0 => -0.5 * x * x * x + 2.5 * x * x - 4.0 * x + 2.0,
+            _ => 0.0,
+        });
+        check(&MITCHELL, 2e-7, |x| match x.abs() {
+            x if x < 1.0 => (7.0 * x * x * x - 12.0 * x * x + 16.0 / 3.0) / 6.0,
+            x if x < 2.0 => (-7.0 / 3.0 * x * x * x + 12.0 * x * x - 20.0 * x + 32.0 / 3.0) / 6.0,
+            _ => 0.0,
+        });
+        let sinc = |x: f64| if x == 0.0 { 1.0 } else { libm::sin(x) / x };
+        let pi = std::f64::consts::PI;
+        check(&LANCZOS3, 1e-6, |x| if x.abs() < 3.0 { sinc(pi * x) * sinc(pi * x / 3.0) } else { 0.0 });
+    }
+}
