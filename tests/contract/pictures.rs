@@ -130,6 +130,9 @@ fn extreme_parameters() {
     assert_all(subjects.flat_map(|subject| subject.reset(texts::extremes)));
 }
 
+/// Pictures that are sound and yet no maps of positions: one channel, numbers that are none, alpha 0 everywhere.
+const NO_MAPS: [Which; 3] = [Which::Grey, Which::NotFinite, Which::Pixel];
+
 /// A refusal is right only where the picture gives a reason.
 #[test]
 fn sound_pictures_are_not_refused() {
@@ -146,6 +149,9 @@ fn sound_pictures_are_not_refused() {
             Which::Identities,
             Which::Grey,
         ] {
+            if &*node_type.name == "LoadWarp" && NO_MAPS.contains(&which) {
+                continue;
+            }
             let outcome = stage.run(&engine, &Subject::new(node_type, which));
             let faults = &outcome.report.faults;
             assert!(faults.is_empty(), "{} on {which:?}: {faults:#?}", node_type.name);

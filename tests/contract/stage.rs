@@ -104,7 +104,8 @@ impl Subject {
         let params = self.node_type.params.iter().filter(|param| !matches!(param.shape, Shape::Port(_)));
         let choices = params.flat_map(|param| {
             let texts = texts::each_leaf(param, &mut |leaf| values(leaf));
-            texts.into_iter().map(|text| self.with(&param.name, &text)).collect::<Vec<_>>()
+            let fits = |text: &String| param.extensions.is_empty() || param.extensions.iter().any(|e| text.contains(e));
+            texts.into_iter().filter(fits).map(|text| self.with(&param.name, &text)).collect::<Vec<_>>()
         });
         choices.collect()
     }

@@ -120,7 +120,9 @@ pub fn others(shape: &Shape) -> Vec<String> {
         Shape::Integer { range, .. } => whole(range, &[1, 2, 5, 40]),
         Shape::Bool => vec!["true".into(), "false".into()],
         Shape::Text(None) => ["\"luma\"", "\"R\"", "\"A\"", "\"nobody\"", "\"\""].map(str::to_owned).into(),
-        Shape::Text(Some(Access::Read)) => ["\"in/Odd.exr\"", "\"in/Plain.png\""].map(str::to_owned).into(),
+        Shape::Text(Some(Access::Read)) => {
+            ["\"in/Odd.exr\"", "\"in/Copy.exr\"", "\"in/Plain.png\""].map(str::to_owned).into()
+        }
         Shape::Text(Some(Access::Write)) => {
             warploom_nodes::io::codec::EXTENSIONS.map(|extension| format!("\"out/other.{extension}\"")).into()
         }

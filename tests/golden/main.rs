@@ -1,9 +1,9 @@
 //! What every node type draws, picture by picture: `golden/NODE/ISSUE.ron` gives `golden/NODE/ISSUE.png`.
 //!
-//! A graph's node `out` is the picture; masks are shown in grey, labels in colours, a sink's file as written. The
-//! largest difference allowed, white being 1, stands in the graph as `// tolerance: 0.004`. A failure leaves
-//! `expected | actual | difference` in the target folder. `UPDATE_GOLDEN=NODE` rewrites that node's pictures: look at
-//! them before they are committed.
+//! A graph's node `out` is the picture; masks are shown in grey, labels in colours, a sink's file as written, an EXR
+//! through the sRGB transfer. The largest difference allowed, white being 1, stands in the graph as
+//! `// tolerance: 0.004`. A failure leaves `expected | actual | difference` in the target folder.
+//! `UPDATE_GOLDEN=NODE` rewrites that node's pictures: look at them before they are committed.
 
 #![allow(missing_docs)]
 
@@ -113,7 +113,7 @@ impl Golden {
         let values = values.into_inner().expect("no panic");
         match (&values[..], &report.outputs[..]) {
             ([value], []) => pictures::png(value),
-            ([], [file]) => std::fs::read(&file.path).map_err(|error| error.to_string()),
+            ([], [file]) => pictures::of_file(&std::fs::read(&file.path).map_err(|error| error.to_string())?),
             _ => Err(format!("{} values and {} files; one is shown", values.len(), report.outputs.len())),
         }
     }

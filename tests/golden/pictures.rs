@@ -23,6 +23,15 @@ pub fn png(value: &Value) -> Result<Vec<u8>, String> {
     encode(&image, encoding)
 }
 
+/// A written file as PNG: as it is if it is one.
+pub fn of_file(bytes: &[u8]) -> Result<Vec<u8>, String> {
+    if bytes.starts_with(b"\x89PNG") {
+        return Ok(bytes.to_vec());
+    }
+    let image = codec::decode(bytes, Encoding::Auto, &|_| Ok(())).map_err(|error| error.message)?;
+    png(&image.into())
+}
+
 fn encode(image: &Image, encoding: Encoding) -> Result<Vec<u8>, String> {
     let options = WriteOptions { encoding, depth: Depth::U8, ..WriteOptions::default() };
     codec::encode_image(image, "png", &options, &|_| Ok(())).map_err(|error| error.message)

@@ -10,6 +10,7 @@ pub mod components;
 pub mod composite;
 mod dissection;
 pub mod draw;
+pub mod exchange;
 pub mod feature;
 pub mod handles;
 pub mod lattice;

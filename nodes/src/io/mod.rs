@@ -1,11 +1,19 @@
-//! Pictures in and out of files.
+//! Pictures, and warps as pictures, in and out of files.
 
 pub mod codec;
 mod load;
+mod load_warp;
 mod save;
+mod save_warp;
+mod warp_file;
+#[cfg(test)]
+mod warp_tests;
 
 pub use load::Load;
+pub use load_warp::LoadWarp;
 pub use save::Save;
+pub use save_warp::SaveWarp;
+pub use warp_file::{Centers, Channels, Choices, Meaning, Preset, Sign, Unit, YAxis};
 
 #[cfg(test)]
 mod tests {

@@ -91,7 +91,12 @@ pub(crate) fn certified(cx: &Context, grid: &Grid, positions: Positions) -> Resu
 }
 
 /// A warp with the certificate of its positions, whichever way they point, in the stats.
-fn derived(cx: &Context, grid: &Grid, direction: Direction, positions: Positions) -> Result<Outputs, NodeError> {
+pub(crate) fn derived(
+    cx: &Context,
+    grid: &Grid,
+    direction: Direction,
+    positions: Positions,
+) -> Result<Outputs, NodeError> {
     let certificate = watched(cx, |watch| certify(&crate::adapt::lattice(grid), &positions, watch))?;
     let warp = Warp { grid: *grid, direction, x: positions.x.into(), y: positions.y.into() };
     Ok(Outputs::from(warp)

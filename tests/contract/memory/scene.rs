@@ -198,11 +198,24 @@ pub fn cases() -> Vec<Case> {
         let save = format!("Save(image: \"a.image\", {file})");
         [case(save.clone()), Case { text: "Load(path: PATH)".into(), before: Some(save) }]
     });
+    let maps =
+        [("wave", "preset: OiioStWarp"), ("fine", "preset: NukeIDistort, inverse: true")].map(|(warp, choice)| {
+            let save = format!("SaveWarp(warp: \"{warp}\", domain: \"a.image\", path: \"it.exr\", {choice})");
+            [case(save.clone()), Case { text: format!("LoadWarp(path: PATH, {choice})"), before: Some(save) }]
+        });
     let meshes = ["it.obj", "it.ply"].map(|path| {
         let knit = format!("Knit(path: {path:?})");
         Case { text: "LoadMesh(path: PATH)".into(), before: Some(knit) }
     });
-    warps.into_iter().chain(cards).chain(others.map(str::to_owned)).map(case).chain(saves).chain(meshes).collect()
+    warps
+        .into_iter()
+        .chain(cards)
+        .chain(others.map(str::to_owned))
+        .map(case)
+        .chain(saves)
+        .chain(maps.into_iter().flatten())
+        .chain(meshes)
+        .collect()
 }
 
 /// Parameters of Save: every format, depth and compression.

@@ -134,7 +134,7 @@ pub(crate) fn sources(map: &Map, window: Rect, watch: Watch) -> Result<Positions
 
 /// Evaluates a backward map at the tile's pixel centres.
 fn gather(net: &Net, clip: &Clip, tile: &Rect, out: &mut Located) {
-    let columns: Vec<Place> = (tile.x0..tile.x1).map(|x| net.place(0, x as f64 + 0.5)).collect();
+    let columns: Vec<Place> = (tile.x0..tile.x1).map(|x| net.center(0, x)).collect();
     let first = columns.iter().map(|place| place.node.min(place.next)).min().unwrap_or(0);
     let end = columns.iter().map(|place| place.node.max(place.next) + 1).max().unwrap_or(0);
     let dense = columns.iter().enumerate().all(|(i, place)| place.node == first + i && place.next == first + i + 1);
@@ -142,7 +142,7 @@ fn gather(net: &Net, clip: &Clip, tile: &Rect, out: &mut Located) {
     let mut nodes = vec![0.0; end - first];
     let arch = pulp::Arch::new();
     for (row, y) in (tile.y0..tile.y1).enumerate() {
-        let place = net.place(1, y as f64 + 0.5);
+        let place = net.center(1, y);
         let pixels = row * out.width..(row + 1) * out.width;
         let (xs, ys) = (&mut out.x[pixels.clone()], &mut out.y[pixels]);
         arch.dispatch(|| {

@@ -22,6 +22,7 @@ mod filter;
 mod forward;
 mod locate;
 mod net;
+mod pixels;
 mod sample;
 #[cfg(target_arch = "x86_64")]
 mod simd;
@@ -33,6 +34,7 @@ pub use bounds::bounds;
 pub use filter::Filter;
 pub(crate) use locate::sources;
 pub(crate) use net::{Net, Place};
+pub use pixels::{pixel_sources, residual};
 pub use sample::Edge;
 
 use crate::lattice::{Lattice, Positions};

@@ -57,6 +57,12 @@ impl<'a> Net<'a> {
         Place::at((at - self.lattice.origin[axis]) / self.lattice.spacing[axis], self.lattice.nodes[axis])
     }
 
+    /// Place of the centre of pixel `pixel` along `axis`. On a node it needs no other, which may be non-finite.
+    pub fn center(&self, axis: usize, pixel: i64) -> Place {
+        let place = self.place(axis, pixel as f64 + 0.5);
+        if place.t == 0.0 { Place::at_node(place.node) } else { place }
+    }
+
     /// The corners of one of the lattice's own cells, [column, row].
     pub fn corners(&self, [column, row]: [usize; 2]) -> Corners {
         let Positions { x, y } = self.positions;

@@ -93,7 +93,11 @@ pub fn invert(lattice: &Lattice, positions: &Positions, onto: &Lattice, watch: W
 }
 
 /// Refuses folds; a map all of whose cells are mirrored has none.
-fn assert_one_to_one(lattice: &Lattice, positions: &Positions, watch: Watch) -> Result<(), InvertError> {
+///
+/// * `lattice`, `positions`: the warp, one position per node (asserted).
+///
+/// A cell with a position that is not finite is a fold. Cost: linear in the nodes. Stops when `watch` says so.
+pub fn assert_one_to_one(lattice: &Lattice, positions: &Positions, watch: Watch) -> Result<(), InvertError> {
     let found = certify(lattice, positions, watch)?;
     if found.folds == lattice.cells()[0] * lattice.cells()[1] {
         let [columns, rows] = lattice.cells();

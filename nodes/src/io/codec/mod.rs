@@ -108,9 +108,7 @@ pub(crate) const MAX_SIDE: usize = 65_536;
 pub fn decode(bytes: &[u8], encoding: Encoding, host: &dyn Host) -> Result<Image, NodeError> {
     let decoded = catch_unwind(AssertUnwindSafe(|| match bytes {
         [] => Err(unreadable("the file is empty")),
-        [0x76, 0x2f, 0x31, 0x01, ..] => {
-            exr::read(bytes, &start(host)).and_then(|i| color::decode(i, encoding, &rest(host)))
-        }
+        _ if is_exr(bytes) => exr::read(bytes, &start(host)).and_then(|i| color::decode(i, encoding, &rest(host))),
         [0x89, b'P', b'N', b'G', ..] => raster::read_png(bytes, &start(host))?.into_image(encoding, &rest(host)),
         [0xff, 0xd8, 0xff, ..] => raster::read_jpeg(bytes, &start(host))?.into_image(encoding, &rest(host)),
         [b'#', b'?', ..] => raster::read_hdr(bytes, &start(host))?.into_image(encoding, &rest(host)),
@@ -124,6 +122,11 @@ pub fn decode(bytes: &[u8], encoding: Encoding, host: &dyn Host) -> Result<Image
     let decoded = decoded.unwrap_or_else(|_| Err(unreadable("the file is damaged: its decoder broke down")));
     // A decoder that was stopped takes it for a fault of the file.
     decoded.map_err(|error| host.go_on().err().unwrap_or(error))
+}
+
+/// Whether the bytes of a file start as an OpenEXR file's do.
+pub(crate) fn is_exr(bytes: &[u8]) -> bool {
+    bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01])
 }
 
 /// The bytes of a file of the format that `extension` (without the dot, in any case) names.
