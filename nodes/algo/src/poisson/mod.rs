@@ -328,9 +328,10 @@ impl Factor {
     /// Direct: one refinement step follows where the relative residual is above 1e-12; time and memory traffic
     /// O(n log n) for n unknowns; right-hand sides are best given by the dozen, up to 64 are solved for together. The
     /// substitution runs on one thread. Sine: likewise, in O(n log n) and 16 bytes a node and right-hand side; its
-    /// transforms run on the pool, the bits do not depend on the thread count. Multigrid: two right-hand sides at a time, conjugate gradients until the
+    /// transforms run on the pool, the bits do not depend on the thread count. Multigrid: one right-hand side at a time, conjugate gradients until the
     /// estimated error, above the true one on all systems tried, is within the tolerance; `Inaccurate` where it
-    /// does not get there; linear for a given tolerance, 43 bytes a node and right-hand side. Where all nodes are pinned the fields are the result.
+    /// does not get there; linear for a given tolerance, 21 bytes a node.
+    /// Where all nodes are pinned the fields are the result.
     pub fn solve(&self, fluxes: &[Edges], fields: &[&[f64]], tolerance: f64, watch: Watch) -> Result<Solution, Error> {
         let nodes = self.laplacian.nodes;
         assert_eq!(fluxes.len(), fields.len(), "fluxes and fields");
@@ -351,7 +352,7 @@ impl Factor {
         match &self.backend {
             Backend::Nothing => return Ok(solution),
             Backend::Multigrid(multigrid) => {
-                solution.residual = self.solve_pairs(multigrid, fluxes, &mut solution.fields, tolerance, watch)?;
+                solution.residual = self.solve_in_turn(multigrid, fluxes, &mut solution.fields, tolerance, watch)?;
                 return Ok(solution);
             }
             Backend::Direct(_) | Backend::Sine(_) => {}
@@ -365,7 +366,7 @@ impl Factor {
     }
 
     /// Solves by multigrid for fields whose pinned values are set; gives the relative residual.
-    fn solve_pairs(
+    fn solve_in_turn(
         &self,
         multigrid: &Multigrid,
         fluxes: &[Edges],
@@ -374,17 +375,10 @@ impl Factor {
         watch: Watch,
     ) -> Result<f64, Error> {
         fields.iter_mut().for_each(|field| self.laplacian.pins.clear(false, field, self.laplacian.nodes));
+        let mut arrays = multigrid.arrays();
         let mut residual = 0.0;
-        for (fluxes, fields) in fluxes.chunks(2).zip(fields.chunks_mut(2)) {
-            let pair = match (fluxes, fields) {
-                ([one, two], [x, y]) => multigrid.solve(&self.laplacian, [one, two], [x, y], tolerance, watch)?,
-                ([one], [x]) => {
-                    let twin = &mut x.clone();
-                    multigrid.solve(&self.laplacian, [one, one], [x, twin], tolerance, watch)?
-                }
-                _ => continue,
-            };
-            residual = larger(residual, pair);
+        for (flux, field) in fluxes.iter().zip(fields) {
+            residual = larger(residual, multigrid.solve(&self.laplacian, flux, field, tolerance, &mut arrays, watch)?);
         }
         Ok(residual)
     }
