@@ -6,6 +6,7 @@
 
 use std::error::Error;
 use std::fs;
+use std::io::{BufWriter, Write};
 use warploom_algo::UNWATCHED;
 use warploom_algo::poisson::{Edges, Factor, GridLaplacian, Pins};
 
@@ -26,20 +27,26 @@ fn main() -> Result<(), Box<dyn Error>> {
     let (size, runs) = (size.parse()?, rest.first().map_or(Ok(5), |runs| runs.parse())?);
     let (conductances, fluxes) = system(size);
     let arrays = [&conductances, &fluxes[0], &fluxes[1]];
-    let values = arrays.iter().flat_map(|edges| edges.horizontal.iter().chain(&edges.vertical));
-    fs::write(file, values.flat_map(|value| value.to_le_bytes()).collect::<Vec<u8>>())?;
-
-    let laplacian = GridLaplacian::new([size, size], conductances, Pins::Frame);
-    let mut seconds = Vec::new();
-    let mut factors = Vec::new();
-    for _ in 0..runs {
-        let copy = laplacian.clone();
-        factors.clear();
-        let start = cpu_seconds()?;
-        factors.push(copy.factor(UNWATCHED).map_err(|error| format!("{error:?}"))?);
-        seconds.push(cpu_seconds()? - start);
+    let mut written = BufWriter::new(fs::File::create(file)?);
+    for value in arrays.iter().flat_map(|edges| edges.horizontal.iter().chain(&edges.vertical)) {
+        written.write_all(&value.to_le_bytes())?;
     }
-    let factor = factors.remove(0);
+    written.flush()?;
+
+    let mut seconds = Vec::new();
+    let mut factored = |conductances: Edges| -> Result<Factor, Box<dyn Error>> {
+        let start = cpu_seconds()?;
+        let laplacian = GridLaplacian::new([size, size], conductances, Pins::Frame);
+        let factor = laplacian.factor(UNWATCHED).map_err(|error| format!("{error:?}"))?;
+        seconds.push(cpu_seconds()? - start);
+        Ok(factor)
+    };
+    let mut factor = factored(conductances)?;
+    for _ in 1..runs {
+        let conductances = factor.conductances().clone();
+        drop(factor);
+        factor = factored(conductances)?;
+    }
     println!(
         "{{\"backend\": \"{}\", \"bytes\": {}, \"factor\": {:.6}",
         factor.backend(),
@@ -55,7 +62,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         }
         solutions.push(fields);
     }
-    let exact = solve(size, &exact_factor(size, laplacian.conductances())?, &fluxes, TOLERANCES[0], 1)?.1;
+    let exact = solve(size, &exact_factor(size, factor.conductances())?, &fluxes, TOLERANCES[0], 1)?.1;
     for (tolerance, fields) in TOLERANCES.iter().zip(solutions) {
         let apart = fields.iter().flatten().zip(exact.iter().flatten()).map(|(a, b)| (a - b).abs());
         println!(", \"distance_{tolerance:e}\": {:e}", apart.fold(0.0, f64::max));

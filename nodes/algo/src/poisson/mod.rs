@@ -7,6 +7,7 @@
 mod direct;
 mod multigrid;
 mod simd;
+mod sine;
 mod substitute;
 
 #[cfg(test)]
@@ -18,6 +19,7 @@ use faer::sparse::FaerError;
 use multigrid::Multigrid;
 use rayon::prelude::*;
 use simd::vectorized;
+use sine::Sine;
 
 /// Solutions are refined once when their relative residual is above this. Below it a million nodes of a weight-10
 /// system are good to about 1e-9 cells.
@@ -155,6 +157,7 @@ enum Backend {
     /// Every node is pinned.
     Nothing,
     Direct(Box<Cholesky>),
+    Sine(Sine),
     Multigrid(Box<Multigrid>),
 }
 
@@ -207,7 +210,8 @@ impl GridLaplacian {
     /// Factors the Laplacian for repeated solves.
     ///
     /// Direct: `P L P^T = G G^T` in f64, P a nested dissection of the lattice; then a probe: a constant on the pins and
-    /// no flux must be solved for. Multigrid, for lattices pinned on their frame with at least 60,000 unknowns, 32
+    /// no flux must be solved for. Sine, for lattices pinned on their frame whose horizontal conductances are all equal
+    /// and whose vertical ones are, both positive: sines across and elimination down. Multigrid, for lattices pinned on their frame with at least 60,000 unknowns, 32
     /// nodes a side and conductances within a factor of 20,000 of each other: the hierarchy of coarser lattices.
     ///
     /// * `watch`: called between the phases; a phase runs to its end. Asked for all memory, for the factor's once its
@@ -216,10 +220,11 @@ impl GridLaplacian {
     /// Where all nodes are pinned there is nothing to solve for and nothing is factored. Conductances that are not
     /// finite and positive give `NotPositiveDefinite` or `Inaccurate`. One thread, so the bits do not depend on the
     /// thread count. Direct: time O(n^1.5) and memory O(n log n) for n unknowns, half a GB held at a million.
-    /// Multigrid: linear, 32 bytes a node held.
+    /// Sine: linear, 8 bytes a node held. Multigrid: linear, 32 bytes a node held.
     pub fn factor(self, watch: Watch) -> Result<Factor, Error> {
         let backend = match self.unknowns() {
             0 => Backend::Nothing,
+            _ if self.is_even() => Backend::Sine(Sine::new(&self, watch)?),
             _ if self.suits_multigrid() => Backend::Multigrid(Box::new(Multigrid::new(&self, watch)?)),
             _ => Backend::Direct(Box::new(Cholesky::new(&self, watch)?)),
         };
@@ -230,15 +235,32 @@ impl GridLaplacian {
         Ok(factor)
     }
 
+    /// Whether it is pinned on its frame and the same everywhere.
+    fn is_even(&self) -> bool {
+        let (mut horizontal, mut vertical) = self.inner();
+        let usable = |first: Option<&f64>| first.is_some_and(|first| *first > 0.0 && first.is_finite());
+        let (across, down) = (horizontal.next(), vertical.next());
+        self.pins == Pins::Frame
+            && usable(across)
+            && usable(down)
+            && horizontal.all(|c| Some(c) == across)
+            && vertical.all(|c| Some(c) == down)
+    }
+
+    /// The horizontal and the vertical conductances off the frame.
+    fn inner(&self) -> (impl Iterator<Item = &f64>, impl Iterator<Item = &f64>) {
+        let [columns, rows] = self.nodes;
+        let Edges { horizontal, vertical } = &self.conductances;
+        let horizontal = horizontal.get(columns - 1..(columns - 1) * (rows - 1)).unwrap_or_default().iter();
+        (horizontal, vertical.chunks(columns).flat_map(move |row| row.get(1..columns - 1).unwrap_or_default()))
+    }
+
     /// Whether multigrid serves it better than a factor: a wide lattice pinned on its frame, its conductances within
     /// the range of single precision.
     fn suits_multigrid(&self) -> bool {
         let off_frame = self.pins == Pins::Frame && self.nodes[0].min(self.nodes[1]) >= MULTIGRID_SIDE;
-        let Edges { horizontal, vertical } = &self.conductances;
-        let [columns, rows] = self.nodes;
         let inner = || {
-            let horizontal = horizontal.get(columns - 1..(columns - 1) * (rows - 1)).unwrap_or_default().iter();
-            let vertical = vertical.chunks(columns).flat_map(|row| row.get(1..columns - 1).unwrap_or_default());
+            let (horizontal, vertical) = self.inner();
             horizontal.chain(vertical)
         };
         let most = || inner().fold(0.0, |most, c| larger(most, *c));
@@ -300,14 +322,16 @@ impl Factor {
     /// * `fluxes`: phi, one per right-hand side.
     /// * `fields`: node values, one array of C * R per right-hand side; only those on pins are read.
     /// * `tolerance`: the largest error of a node value allowed against the exact solution, in the unit of the values,
-    ///   positive. The direct backend always solves in full precision.
+    ///   positive. The direct and the sine backend always solve in full precision.
     /// * `watch`: called before every substitution.
     ///
     /// Direct: one refinement step follows where the relative residual is above 1e-12; time and memory traffic
     /// O(n log n) for n unknowns; right-hand sides are best given by the dozen, up to 64 are solved for together. The
-    /// substitution runs on one thread. Multigrid: two right-hand sides at a time, conjugate gradients until the
+    /// substitution runs on one thread. Sine: likewise, in O(n log n) and 16 bytes a node and right-hand side; its
+    /// transforms run on the pool, the bits do not depend on the thread count. Multigrid: one right-hand side at a time, conjugate gradients until the
     /// estimated error, above the true one on all systems tried, is within the tolerance; `Inaccurate` where it
-    /// does not get there; linear for a given tolerance, 43 bytes a node and right-hand side. Where all nodes are pinned the fields are the result.
+    /// does not get there; linear for a given tolerance, 21 bytes a node.
+    /// Where all nodes are pinned the fields are the result.
     pub fn solve(&self, fluxes: &[Edges], fields: &[&[f64]], tolerance: f64, watch: Watch) -> Result<Solution, Error> {
         let nodes = self.laplacian.nodes;
         assert_eq!(fluxes.len(), fields.len(), "fluxes and fields");
@@ -316,32 +340,33 @@ impl Factor {
         let count = nodes[0] * nodes[1];
         fields.iter().for_each(|field| assert_eq!(field.len(), count, "values of {} x {} nodes", nodes[0], nodes[1]));
         let mut solution = Solution { fields: Vec::new(), residual: 0.0 };
-        if let Backend::Direct(cholesky) = &self.backend {
-            watch.reserve(
-                fields.len() * count * size_of::<f64>() + cholesky.solve_bytes(count, fields.len().min(BLOCK)),
-            )?;
-        }
-        if let Backend::Multigrid(multigrid) = &self.backend {
-            watch.reserve(fields.len() * count * size_of::<f64>() + multigrid.solve_bytes())?;
-        }
-        solution.fields = fields.iter().map(|field| field.to_vec()).collect();
-        if let Backend::Multigrid(multigrid) = &self.backend {
-            solution.residual = self.solve_pairs(multigrid, fluxes, &mut solution.fields, tolerance, watch)?;
-        }
-        let Backend::Direct(cholesky) = &self.backend else {
-            return Ok(solution);
+        let together = fields.len().min(BLOCK);
+        let scratch = match &self.backend {
+            Backend::Nothing => 0,
+            Backend::Direct(cholesky) => cholesky.solve_bytes(count, together),
+            Backend::Sine(sine) => sine.solve_bytes(count, together),
+            Backend::Multigrid(multigrid) => multigrid.solve_bytes(),
         };
+        watch.reserve(fields.len() * count * size_of::<f64>() + scratch)?;
+        solution.fields = fields.iter().map(|field| field.to_vec()).collect();
+        match &self.backend {
+            Backend::Nothing => return Ok(solution),
+            Backend::Multigrid(multigrid) => {
+                solution.residual = self.solve_in_turn(multigrid, fluxes, &mut solution.fields, tolerance, watch)?;
+                return Ok(solution);
+            }
+            Backend::Direct(_) | Backend::Sine(_) => {}
+        }
         let blocks = fields.len().div_ceil(BLOCK);
         for (block, (fluxes, fields)) in fluxes.chunks(BLOCK).zip(solution.fields.chunks_mut(BLOCK)).enumerate() {
-            let residual =
-                self.solve_block(cholesky, fluxes, fields, &|| watch.progress(block as f64 / blocks as f64))?;
+            let residual = self.solve_block(fluxes, fields, &|| watch.progress(block as f64 / blocks as f64))?;
             solution.residual = larger(solution.residual, residual);
         }
         Ok(solution)
     }
 
     /// Solves by multigrid for fields whose pinned values are set; gives the relative residual.
-    fn solve_pairs(
+    fn solve_in_turn(
         &self,
         multigrid: &Multigrid,
         fluxes: &[Edges],
@@ -350,25 +375,17 @@ impl Factor {
         watch: Watch,
     ) -> Result<f64, Error> {
         fields.iter_mut().for_each(|field| self.laplacian.pins.clear(false, field, self.laplacian.nodes));
+        let mut arrays = multigrid.arrays();
         let mut residual = 0.0;
-        for (fluxes, fields) in fluxes.chunks(2).zip(fields.chunks_mut(2)) {
-            let pair = match (fluxes, fields) {
-                ([one, two], [x, y]) => multigrid.solve(&self.laplacian, [one, two], [x, y], tolerance, watch)?,
-                ([one], [x]) => {
-                    let twin = &mut x.clone();
-                    multigrid.solve(&self.laplacian, [one, one], [x, twin], tolerance, watch)?
-                }
-                _ => continue,
-            };
-            residual = larger(residual, pair);
+        for (flux, field) in fluxes.iter().zip(fields) {
+            residual = larger(residual, multigrid.solve(&self.laplacian, flux, field, tolerance, &mut arrays, watch)?);
         }
         Ok(residual)
     }
 
-    /// Solves directly for fields whose pinned values are set; gives the relative residual.
+    /// Solves in full precision for fields whose pinned values are set; gives the relative residual.
     fn solve_block(
         &self,
-        cholesky: &Cholesky,
         fluxes: &[Edges],
         fields: &mut [Vec<f64>],
         go_on: &dyn Fn() -> Result<(), Interrupted>,
@@ -382,7 +399,11 @@ impl Factor {
         let mut residual = f64::INFINITY;
         for _ in 0..2 {
             go_on()?;
-            cholesky.add_solutions(&remainders, fields)?;
+            match &self.backend {
+                Backend::Direct(cholesky) => cholesky.add_solutions(&remainders, fields)?,
+                Backend::Sine(sine) => sine.add_solutions(&mut remainders, fields, go_on)?,
+                Backend::Nothing | Backend::Multigrid(_) => {}
+            }
             remainders = residuals(fields);
             let relative = |(rest, b): (&Vec<f64>, &f64)| if largest(rest) == 0.0 { 0.0 } else { largest(rest) / b };
             residual = remainders.iter().zip(&right_hand_sides).map(relative).fold(0.0, larger);
@@ -404,6 +425,7 @@ impl Factor {
         let backend = match &self.backend {
             Backend::Nothing => 0,
             Backend::Direct(cholesky) => cholesky.bytes(),
+            Backend::Sine(sine) => sine.bytes(),
             Backend::Multigrid(multigrid) => multigrid.bytes(),
         };
         backend + (horizontal.len() + vertical.len()) * size_of::<f64>()
@@ -424,6 +446,7 @@ impl Factor {
         match self.backend {
             Backend::Nothing => "none",
             Backend::Direct(_) => "direct",
+            Backend::Sine(_) => "sine",
             Backend::Multigrid(_) => "multigrid",
         }
     }

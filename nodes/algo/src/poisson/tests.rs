@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::UNWATCHED;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Numbers in -1..1, the same on every run.
 fn noise(seed: u32) -> impl FnMut() -> f64 {
@@ -266,5 +267,89 @@ fn only_large_framed_lattices_of_moderate_contrast_go_to_multigrid() {
     assert!(!backend([300, 300], mask(90_000), 1.0));
     for wrong in [0.0, -1.0, 1e12, f64::NAN, f64::INFINITY] {
         assert!(!backend([300, 300], Pins::Frame, wrong), "{wrong}");
+    }
+}
+
+/// A lattice whose edges across are all the same, and those down, but for those between pinned nodes.
+fn even(nodes: [usize; 2], across: f64, down: f64) -> GridLaplacian {
+    let mut conductances = Edges::zeros(nodes);
+    conductances.horizontal.fill(across);
+    conductances.vertical.fill(down);
+    conductances.horizontal[0] = 7.0;
+    GridLaplacian::new(nodes, conductances, Pins::Frame)
+}
+
+#[test]
+fn sines_solve_what_elimination_solves() {
+    for (nodes, across, down) in
+        [([3, 3], 1.0, 1.0), ([3, 40], 2.0, 0.1), ([41, 4], 5.0, 3.0), ([64, 65], 1.0, 100.0), ([130, 47], 1e3, 1.0)]
+    {
+        let laplacian = even(nodes, across, down);
+        let direct = Backend::Direct(Box::new(Cholesky::new(&laplacian, UNWATCHED).expect("positive conductances")));
+        let direct = Factor { laplacian: laplacian.clone(), backend: direct };
+        let sine = laplacian.factor(UNWATCHED).expect("factored");
+        assert_eq!(sine.backend(), "sine");
+        let fluxes = [1, 2, 3].map(|seed| random_edges(nodes, noise(seed)));
+        let mut number = noise(8);
+        let pinned: Vec<f64> = (0..nodes[0] * nodes[1]).map(|_| 9.0 * number()).collect();
+        let [solved, exact] =
+            [&sine, &direct].map(|factor| factor.solve(&fluxes, &[&pinned[..]; 3], 1.0, UNWATCHED).expect("solved"));
+        assert!(solved.residual < 1e-12, "{nodes:?}: {}", solved.residual);
+        for (a, b) in solved.fields.iter().flatten().zip(exact.fields.iter().flatten()) {
+            assert!((a - b).abs() < 1e-9, "{nodes:?}: {a} for {b}");
+        }
+        assert_eq!(solved.fields[2][..nodes[0]], pinned[..nodes[0]], "the frame");
+    }
+}
+
+#[test]
+fn only_even_framed_lattices_go_to_sines() {
+    let is_even = |change: &dyn Fn(&mut GridLaplacian)| {
+        let mut laplacian = even([9, 7], 2.0, 3.0);
+        change(&mut laplacian);
+        laplacian.is_even()
+    };
+    assert!(is_even(&|_| ()));
+    assert!(!is_even(&|laplacian| laplacian.conductances.horizontal[8] = 1.0));
+    assert!(!is_even(&|laplacian| laplacian.conductances.vertical[7] = 1.0));
+    assert!(!is_even(&|laplacian| laplacian.conductances.vertical.fill(f64::INFINITY)));
+    assert!(!is_even(&|laplacian| laplacian.conductances.horizontal.fill(-1.0)));
+    assert!(!is_even(&|laplacian| laplacian.pins = Pins::Nodes(vec![true; 63])));
+}
+
+/// The same bits on any count of threads, and none at all once the watch says so, however late.
+#[test]
+fn threads_do_not_matter_and_every_watch_is_obeyed() {
+    let nodes = [90, 71];
+    let (conductances, fluxes) = stiff_discs(nodes, 10.0, 2.0, 4);
+    let still = vec![0.25; nodes[0] * nodes[1]];
+    let factors = [
+        by_multigrid(nodes, &conductances),
+        factored(nodes, &conductances),
+        even(nodes, 1.0, 2.0).factor(UNWATCHED).expect("factored"),
+    ];
+    for factor in &factors {
+        let solve = |watch: Watch| factor.solve(&fluxes, &[&still[..]; 2], 1e-6, watch);
+        let on = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
+            pool.install(|| solve(UNWATCHED)).expect("solved")
+        };
+        let alone = on(1);
+        for threads in [2, 3, 8] {
+            assert_eq!(on(threads), alone, "{} on {threads} threads", factor.backend());
+        }
+        let calls = AtomicUsize::new(0);
+        let count = |_: f64| {
+            calls.fetch_add(1, Ordering::Relaxed);
+            Ok(())
+        };
+        solve(&count).expect("solved");
+        let most = calls.load(Ordering::Relaxed);
+        assert!(most > 0, "{} asks {most} times", factor.backend());
+        for at in [0, most / 2, most - 1] {
+            let calls = AtomicUsize::new(0);
+            let stop = |_: f64| if calls.fetch_add(1, Ordering::Relaxed) >= at { Err(Interrupted) } else { Ok(()) };
+            assert_eq!(solve(&stop), Err(Error::Interrupted), "{} at {at}", factor.backend());
+        }
     }
 }

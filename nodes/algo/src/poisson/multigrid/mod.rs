@@ -13,7 +13,7 @@ use super::direct::Cholesky;
 use super::{Edges, Error, GridLaplacian, Pins, larger, largest};
 use crate::Watch;
 use level::Level;
-use passes::{Pair, Tally};
+use passes::Tally;
 use spectrum::Lanczos;
 
 /// Lattices with at most so many columns or rows are not made coarser.
@@ -49,18 +49,18 @@ pub(super) struct Multigrid {
     renew: f32,
 }
 
-/// The arrays of one level.
-struct Arrays {
-    residual: Pair,
-    correction: Pair,
-    direction: Pair,
-    solution: Pair,
+/// The arrays of one level, for one right-hand side.
+pub(super) struct Arrays {
+    residual: Vec<f32>,
+    correction: Vec<f32>,
+    direction: Vec<f32>,
+    solution: Vec<f32>,
 }
 
 impl Arrays {
     fn new(level: &Level) -> Self {
-        let pair = || [vec![0.0; level.len()], vec![0.0; level.len()]];
-        Self { residual: pair(), correction: pair(), direction: pair(), solution: pair() }
+        let zeros = || vec![0.0; level.len()];
+        Self { residual: zeros(), correction: zeros(), direction: zeros(), solution: zeros() }
     }
 }
 
@@ -83,53 +83,51 @@ impl Multigrid {
         Ok(Self { levels, coarsest, scale, renew })
     }
 
-    /// Solves for two right-hand sides, the unknowns of `fields` 0 at first; gives the relative residual.
+    /// The arrays of a solve; they serve one after the other.
+    pub(super) fn arrays(&self) -> Vec<Arrays> {
+        self.levels.iter().map(Arrays::new).collect()
+    }
+
+    /// Solves for one right-hand side, the unknowns of `field` 0 at first; gives the relative residual.
     pub(super) fn solve(
         &self,
         laplacian: &GridLaplacian,
-        fluxes: [&Edges; 2],
-        fields: [&mut [f64]; 2],
+        flux: &Edges,
+        field: &mut [f64],
         tolerance: f64,
+        arrays: &mut [Arrays],
         watch: Watch,
     ) -> Result<f64, Error> {
-        let mut arrays: Vec<Arrays> = self.levels.iter().map(Arrays::new).collect();
-        let [one, two] = fields;
-        let first = self.load(laplacian, fluxes, [one, two], &mut arrays[0].residual);
-        self.guess(&mut arrays)?;
-        for (field, solution) in [&mut *one, &mut *two].into_iter().zip(&arrays[0].direction) {
-            self.add(solution, field);
-        }
+        arrays[0].direction.fill(0.0);
+        let first = self.load(laplacian, flux, field, &mut arrays[0].residual);
+        self.guess(arrays)?;
+        self.add(&arrays[0].direction, field);
         let mut least = 0.75;
         for _ in 0..ROUNDS {
             watch.go_on()?;
-            self.load(laplacian, fluxes, [one, two], &mut arrays[0].residual);
-            let error = self.correct(0, &mut arrays, ITERATIONS, tolerance, &mut least, watch)?;
-            for (field, solution) in [&mut *one, &mut *two].into_iter().zip(&arrays[0].solution) {
-                self.add(solution, field);
-            }
+            self.load(laplacian, flux, field, &mut arrays[0].residual);
+            let error = self.correct(0, arrays, ITERATIONS, tolerance, &mut least, watch)?;
+            self.add(&arrays[0].solution, field);
             if error <= tolerance {
-                let last = self.load(laplacian, fluxes, [one, two], &mut arrays[0].residual);
-                return Ok(larger(relative(last[0], first[0]), relative(last[1], first[1])));
+                return Ok(relative(self.load(laplacian, flux, field, &mut arrays[0].residual), first));
             }
         }
-        let last = self.load(laplacian, fluxes, [one, two], &mut arrays[0].residual);
-        Err(Error::Inaccurate { residual: larger(relative(last[0], first[0]), relative(last[1], first[1])) })
+        let last = self.load(laplacian, flux, field, &mut arrays[0].residual);
+        Err(Error::Inaccurate { residual: relative(last, first) })
     }
 
-    /// The residuals in double precision, scaled and rounded to `out`; gives their largest magnitudes.
-    fn load(&self, laplacian: &GridLaplacian, fluxes: [&Edges; 2], fields: [&[f64]; 2], out: &mut Pair) -> [f64; 2] {
+    /// The residual in double precision, scaled and rounded to `out`; gives its largest magnitude.
+    fn load(&self, laplacian: &GridLaplacian, flux: &Edges, field: &[f64], out: &mut [f32]) -> f64 {
         let level = &self.levels[0];
         let mut row_values = vec![0.0; level.columns];
-        let mut most = [0.0; 2];
+        let mut most = 0.0;
         for row in 1..level.rows - 1 {
-            for k in 0..2 {
-                laplacian.residual_row(fluxes[k], fields[k], row, &mut row_values);
-                let inner = &mut row_values[..level.columns - 1];
-                inner[0] = 0.0;
-                most[k] = larger(most[k], largest(inner));
-                let at = 2 * level.half * row;
-                passes::round(inner, self.scale, level.half, &mut out[k][at..at + 2 * level.half]);
-            }
+            laplacian.residual_row(flux, field, row, &mut row_values);
+            let inner = &mut row_values[..level.columns - 1];
+            inner[0] = 0.0;
+            most = larger(most, largest(inner));
+            let at = 2 * level.half * row;
+            passes::round(inner, self.scale, level.half, &mut out[at..at + 2 * level.half]);
         }
         most
     }
@@ -159,14 +157,14 @@ impl Multigrid {
             return Ok(());
         }
         self.solve_coarsest(&mut arrays[last])?;
-        let (solution, correction) = (&mut arrays[last].solution, &arrays[last].correction);
-        solution.iter_mut().zip(correction).for_each(|(solution, correction)| solution.copy_from_slice(correction));
+        let Arrays { solution, correction, .. } = &mut arrays[last];
+        solution.copy_from_slice(correction);
         for l in (0..last).rev() {
             let (fine, coarse) = arrays.split_at_mut(l + 1);
             let (level, fine) = (&self.levels[l], &mut fine[l]);
             passes::interpolate(level, &self.levels[l + 1], &coarse[0].solution, &mut fine.direction);
             if l > 0 {
-                passes::advance(level, &fine.direction, [1.0; 2], &mut fine.solution, &mut fine.residual);
+                passes::advance(level, &fine.direction, 1.0, &mut fine.solution, &mut fine.residual);
                 let start = fine.direction.clone();
                 self.correct(l, arrays, GUESS_ITERATIONS, 0.0, &mut 1.0, crate::UNWATCHED)?;
                 passes::add(&start, &mut arrays[l].solution);
@@ -186,39 +184,38 @@ impl Multigrid {
         least: &mut f64,
         watch: Watch,
     ) -> Result<f64, Error> {
-        arrays[l].solution.iter_mut().for_each(|values| values.fill(0.0));
-        let mut products = [0.0; 2];
+        arrays[l].solution.fill(0.0);
+        let mut product = 0.0;
         let mut first = 0.0;
         let mut error = f64::INFINITY;
-        let mut spectra = [Lanczos::default(), Lanczos::default()];
+        let mut spectrum = Lanczos::default();
         for iteration in 0..iterations {
             watch.go_on()?;
-            let tallies = self.cycle(l, arrays)?;
-            let most = tallies[0].largest.max(tallies[1].largest);
-            *least = spectra.iter().map(Lanczos::least).fold(*least, f64::min);
-            error = SAFETY * f64::from(most) / *least;
+            let tally = self.cycle(l, arrays)?;
+            *least = least.min(spectrum.least());
+            error = SAFETY * f64::from(tally.largest) / *least;
             let arrays = &mut arrays[l];
             if iteration == 0 {
-                first = most;
+                first = tally.largest;
             }
-            let is_blurred = iteration > 0 && most <= self.renew * first;
+            let is_blurred = iteration > 0 && tally.largest <= self.renew * first;
             if error <= tolerance || is_blurred {
                 passes::add(&arrays.correction, &mut arrays.solution);
                 return Ok(if is_blurred { f64::INFINITY } else { error });
             }
             let ratio = |a: f64, b: f64| if b > 0.0 { (a / b) as f32 } else { 0.0 };
-            let beta = [0, 1].map(|k| if iteration == 0 { 0.0 } else { ratio(tallies[k].product, products[k]) });
-            let energies = passes::direct(&self.levels[l], &arrays.correction, beta, &mut arrays.direction);
-            let alpha = [0, 1].map(|k| ratio(tallies[k].product, energies[k]));
-            (0..2).for_each(|k| spectra[k].step(alpha[k].into(), beta[k].into()));
+            let beta = if iteration == 0 { 0.0 } else { ratio(tally.product, product) };
+            let energy = passes::direct(&self.levels[l], &arrays.correction, beta, &mut arrays.direction);
+            let alpha = ratio(tally.product, energy);
+            spectrum.step(alpha.into(), beta.into());
             passes::advance(&self.levels[l], &arrays.direction, alpha, &mut arrays.solution, &mut arrays.residual);
-            products = tallies.map(|tally| tally.product);
+            product = tally.product;
         }
         Ok(error)
     }
 
     /// One V-cycle for the residual of a level, from 0: its `correction`.
-    fn cycle(&self, l: usize, arrays: &mut [Arrays]) -> Result<[Tally; 2], Error> {
+    fn cycle(&self, l: usize, arrays: &mut [Arrays]) -> Result<Tally, Error> {
         if l + 1 == self.levels.len() {
             return self.solve_coarsest(&mut arrays[l]);
         }
@@ -231,24 +228,20 @@ impl Multigrid {
         Ok(passes::ascend(level, coarser, residual, &coarse[0].correction, correction))
     }
 
-    fn solve_coarsest(&self, arrays: &mut Arrays) -> Result<[Tally; 2], Error> {
+    fn solve_coarsest(&self, arrays: &mut Arrays) -> Result<Tally, Error> {
         let level = &self.levels[self.levels.len() - 1];
         let place = |node: usize| {
             let (column, row) = (node % level.columns, node / level.columns);
             (2 * row + column % 2) * level.half + column / 2
         };
         let count = level.columns * level.rows;
-        let right_hand_sides: Vec<Vec<f64>> =
-            arrays.residual.iter().map(|b| (0..count).map(|node| f64::from(b[place(node)])).collect()).collect();
-        let mut fields = vec![vec![0.0; count]; 2];
-        self.coarsest.add_solutions(&right_hand_sides, &mut fields)?;
-        let mut tallies = [Tally::default(); 2];
-        for (k, (field, b)) in fields.iter().zip(&right_hand_sides).enumerate() {
-            field.iter().enumerate().for_each(|(node, value)| arrays.correction[k][place(node)] = *value as f32);
-            tallies[k].product = field.iter().zip(b).map(|(a, b)| a * b).sum();
-            tallies[k].largest = largest(field) as f32;
-        }
-        Ok(tallies)
+        let right_hand_side: Vec<f64> = (0..count).map(|node| f64::from(arrays.residual[place(node)])).collect();
+        let mut fields = [vec![0.0; count]];
+        self.coarsest.add_solutions(std::slice::from_ref(&right_hand_side), &mut fields)?;
+        let [field] = fields;
+        field.iter().enumerate().for_each(|(node, value)| arrays.correction[place(node)] = *value as f32);
+        let product = field.iter().zip(&right_hand_side).map(|(a, b)| a * b).sum();
+        Ok(Tally { product, largest: largest(&field) as f32 })
     }
 
     /// Bytes held.
@@ -256,9 +249,9 @@ impl Multigrid {
         self.levels.iter().map(|level| 3 * level.len() * size_of::<f32>()).sum::<usize>() + self.coarsest.bytes()
     }
 
-    /// Bytes that a solve takes beside the fields.
+    /// Bytes that a solve takes beside the fields, for any count of right-hand sides.
     pub(super) fn solve_bytes(&self) -> usize {
-        self.levels.iter().map(|level| 8 * level.len() * size_of::<f32>()).sum()
+        self.levels.iter().map(|level| 4 * level.len() * size_of::<f32>()).sum()
     }
 }
 

@@ -1,4 +1,4 @@
-//! Passes over the rows of one level, for two right-hand sides; smoothing sweeps follow each other a row apart, so
+//! Passes over the rows of one level; smoothing sweeps follow each other a row apart, so
 //! that an array crosses the memory bus once.
 //!
 //! Red nodes are those with an even sum of column and row, black the others.
@@ -10,9 +10,6 @@ use super::transfer::{Interpolation, Restriction};
 /// Partial sums and maxima, so that their order does not depend on the machine's vectors.
 const LANES: usize = 16;
 
-/// An array over the nodes for each right-hand side.
-pub(super) type Pair = [Vec<f32>; 2];
-
 /// What a cycle tells about its correction.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Tally {
@@ -23,19 +20,15 @@ pub(super) struct Tally {
 }
 
 /// One red-black sweep from 0 for the right-hand side `b`, and what it leaves, restricted to `out`.
-pub(super) fn descend(level: &Level, coarser: &Level, b: &Pair, out: &mut Pair) {
+pub(super) fn descend(level: &Level, coarser: &Level, b: &[f32], out: &mut [f32]) {
     vectorized(
         #[inline(always)]
-        || {
-            for (b, out) in b.iter().zip(&mut *out) {
-                descend_one(level, coarser, b, out);
-            }
-        },
+        || descend_rows(level, coarser, b, &mut *out),
     );
 }
 
 #[inline(always)]
-fn descend_one(level: &Level, coarser: &Level, b: &[f32], out: &mut [f32]) {
+fn descend_rows(level: &Level, coarser: &Level, b: &[f32], out: &mut [f32]) {
     let (half, last) = (level.half, level.rows - 2);
     let mut ring: [Vec<f32>; 4] = std::array::from_fn(|_| vec![0.0; 2 * half]);
     let mut rest = vec![0.0; 2 * half];
@@ -81,21 +74,17 @@ fn descend_one(level: &Level, coarser: &Level, b: &[f32], out: &mut [f32]) {
 }
 
 /// Adds the coarse correction to the sweep from 0 that [`descend`] made, then sweeps black and red: `z`.
-pub(super) fn ascend(level: &Level, coarser: &Level, b: &Pair, coarse: &Pair, z: &mut Pair) -> [Tally; 2] {
-    let mut tallies = [Tally::default(); 2];
+pub(super) fn ascend(level: &Level, coarser: &Level, b: &[f32], coarse: &[f32], z: &mut [f32]) -> Tally {
+    let mut tally = Tally::default();
     vectorized(
         #[inline(always)]
-        || {
-            for k in 0..2 {
-                tallies[k] = ascend_one(level, coarser, &b[k], &coarse[k], &mut z[k]);
-            }
-        },
+        || tally = ascend_rows(level, coarser, b, coarse, &mut *z),
     );
-    tallies
+    tally
 }
 
 #[inline(always)]
-fn ascend_one(level: &Level, coarser: &Level, b: &[f32], coarse: &[f32], z: &mut [f32]) -> Tally {
+fn ascend_rows(level: &Level, coarser: &Level, b: &[f32], coarse: &[f32], z: &mut [f32]) -> Tally {
     let (half, last) = (level.half, level.rows - 2);
     let mut interpolation = Interpolation::new(level);
     let mut tally = Tally::default();
@@ -136,22 +125,18 @@ fn relax(level: &Level, b: &[f32], z: &mut [f32], row: usize, s: usize) {
     level.stencil(row, s).relax(&level.half_row(b, row, s)[first..], &around, &mut target[first..end]);
 }
 
-/// `p = z + beta p` and the energies `p . A p`.
-pub(super) fn direct(level: &Level, z: &Pair, beta: [f32; 2], p: &mut Pair) -> [f64; 2] {
-    let mut energies = [0.0; 2];
+/// `p = z + beta p` and the energy `p . A p`.
+pub(super) fn direct(level: &Level, z: &[f32], beta: f32, p: &mut [f32]) -> f64 {
+    let mut energy = 0.0;
     vectorized(
         #[inline(always)]
-        || {
-            for k in 0..2 {
-                energies[k] = direct_one(level, &z[k], beta[k], &mut p[k]);
-            }
-        },
+        || energy = direct_rows(level, z, beta, &mut *p),
     );
-    energies
+    energy
 }
 
 #[inline(always)]
-fn direct_one(level: &Level, z: &[f32], beta: f32, p: &mut [f32]) -> f64 {
+fn direct_rows(level: &Level, z: &[f32], beta: f32, p: &mut [f32]) -> f64 {
     let (half, stride) = (level.half, 2 * level.half);
     let mut energy = 0.0;
     for row in 1..level.rows {
@@ -167,19 +152,15 @@ fn direct_one(level: &Level, z: &[f32], beta: f32, p: &mut [f32]) -> f64 {
 }
 
 /// `x += alpha p` and `r -= alpha A p`.
-pub(super) fn advance(level: &Level, p: &Pair, alpha: [f32; 2], x: &mut Pair, r: &mut Pair) {
+pub(super) fn advance(level: &Level, p: &[f32], alpha: f32, x: &mut [f32], r: &mut [f32]) {
     vectorized(
         #[inline(always)]
-        || {
-            for k in 0..2 {
-                advance_one(level, &p[k], alpha[k], &mut x[k], &mut r[k]);
-            }
-        },
+        || advance_rows(level, p, alpha, &mut *x, &mut *r),
     );
 }
 
 #[inline(always)]
-fn advance_one(level: &Level, p: &[f32], alpha: f32, x: &mut [f32], r: &mut [f32]) {
+fn advance_rows(level: &Level, p: &[f32], alpha: f32, x: &mut [f32], r: &mut [f32]) {
     let half = level.half;
     for row in 1..level.rows - 1 {
         for s in 0..2 {
@@ -201,39 +182,33 @@ fn advance_one(level: &Level, p: &[f32], alpha: f32, x: &mut [f32], r: &mut [f32
 }
 
 /// `x += z`.
-pub(super) fn add(z: &Pair, x: &mut Pair) {
-    for (z, x) in z.iter().zip(x) {
-        x.iter_mut().zip(z).for_each(|(x, z)| *x += z);
-    }
+pub(super) fn add(z: &[f32], x: &mut [f32]) {
+    x.iter_mut().zip(z).for_each(|(x, z)| *x += z);
 }
 
 /// The values of every node, restricted.
-pub(super) fn restrict(level: &Level, coarser: &Level, b: &Pair, out: &mut Pair) {
+pub(super) fn restrict(level: &Level, coarser: &Level, b: &[f32], out: &mut [f32]) {
     vectorized(
         #[inline(always)]
         || {
-            for (b, out) in b.iter().zip(&mut *out) {
-                let mut restriction = Restriction::new(level);
-                for row in 1..level.rows - 1 {
-                    restriction.row(level, coarser, level.row(b, row), row, out);
-                }
+            let mut restriction = Restriction::new(level);
+            for row in 1..level.rows - 1 {
+                restriction.row(level, coarser, level.row(b, row), row, &mut *out);
             }
         },
     );
 }
 
 /// The coarse values, interpolated at every node.
-pub(super) fn interpolate(level: &Level, coarser: &Level, coarse: &Pair, out: &mut Pair) {
+pub(super) fn interpolate(level: &Level, coarser: &Level, coarse: &[f32], out: &mut [f32]) {
     vectorized(
         #[inline(always)]
         || {
-            for (coarse, out) in coarse.iter().zip(&mut *out) {
-                let mut interpolation = Interpolation::new(level);
-                for row in 1..level.rows - 1 {
-                    let at = 2 * level.half * row;
-                    let values = interpolation.row(level, coarser, coarse, row);
-                    out[at..at + 2 * level.half].copy_from_slice(values);
-                }
+            let mut interpolation = Interpolation::new(level);
+            for row in 1..level.rows - 1 {
+                let at = 2 * level.half * row;
+                let values = interpolation.row(level, coarser, coarse, row);
+                out[at..at + 2 * level.half].copy_from_slice(values);
             }
         },
     );
