@@ -1,6 +1,7 @@
 //! Warps that keep masked features in shape (Gal, Sorkine, Cohen-Or 2006).
 
 mod factor;
+mod report;
 mod warp;
 
 pub use factor::FeatureFactor;

@@ -2,9 +2,9 @@ use std::time::Instant;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use serde_json::json;
 use smart_default::SmartDefault;
-use warploom_algo::feature::{self, FeatureFit};
+use warploom_algo::Watch;
+use warploom_algo::feature::{self, guard::Guarded};
 use warploom_core::node::{Context, In, Node, NodeError, Output, Outputs};
 use warploom_core::value::{Direction, Factor, Kind, Value, Warp};
 
@@ -32,6 +32,10 @@ pub struct FeatureWarp {
     pub blend: bool,
     /// What features that are kept exactly do on a border that does not move freely.
     pub on_conflict: OnConflict,
+    /// Whether cells may fold.
+    pub guard: Guard,
+    /// What gives way where features do not fit without folding cells.
+    pub when_it_does_not_fit: Fit,
     /// Largest distance of a node from the exact solution.
     #[default(1e-6)]
     #[schemars(range(min = 1e-9, max = 0.1), extend("x-unit" = "cells", "x-soft" = [1e-9, 0.01]))]
@@ -56,6 +60,26 @@ pub enum OnConflict {
     NoFold,
     /// All their nodes keep the shape, on the border and in the lattice's corners too.
     KeepShape,
+}
+
+/// Whether cells may fold.
+#[derive(Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub enum Guard {
+    /// No: a warp that folds is repaired, for certain wherever the one to rectify does not fold.
+    #[default]
+    Certified,
+    /// Yes; folds are counted.
+    Off,
+}
+
+/// What gives way where features do not fit without folding cells.
+#[derive(Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub enum Fit {
+    /// The size of all features, by one factor; their shape where no size helps.
+    #[default]
+    Shrink,
+    /// Their shape.
+    Bend,
 }
 
 /// What one feature may do.
@@ -104,10 +128,10 @@ impl Node for FeatureWarp {
         let input = positions(cx, &warp)?;
         let at_work = watch(cx);
         let prepared = feature::rhs(solver, &input, &targets, &at_work).map(|rhs| (rhs, start.elapsed()));
-        let solved = prepared.and_then(|(rhs, prepared)| Ok((feature::solve(&rhs, tolerance, &at_work)?, prepared)));
-        let (solved, prepared) = solved.map_err(|error| super::refusal(error, at_work))?;
+        let solved = prepared.and_then(|(rhs, prepared)| Ok((self.solve(&rhs, tolerance, &at_work)?, prepared)));
+        let ((solved, guarded), prepared) = solved.map_err(|error| super::refusal(error, at_work))?;
         let seconds = start.elapsed();
-        let rows = serde_json::Value::Array(solved.features.iter().map(row).collect());
+        let rows = serde_json::Value::Array(solved.features.iter().map(super::report::component).collect());
         let mut outputs = crate::warp::certified(cx, &warp.grid, solved.positions)?;
         outputs.values.push(Value::Text(rows.to_string().into()));
         Ok(outputs
@@ -115,8 +139,27 @@ impl Node for FeatureWarp {
             .stat("residual", solved.residual)
             .stat("seconds_rhs", prepared.as_secs_f64())
             .stat("seconds_solve", (seconds - prepared).as_secs_f64())
+            .stat("guard", guarded.as_ref().map(super::report::guarded))
             .stat("conflicts", solved.conflicts)
             .stat("components", rows))
+    }
+}
+
+impl FeatureWarp {
+    fn solve(
+        &self,
+        rhs: &feature::Rhs,
+        tolerance: f64,
+        watch: Watch,
+    ) -> Result<(feature::FeatureWarp, Option<Guarded>), feature::Error> {
+        Ok(match self.guard {
+            Guard::Certified => {
+                let (solved, guarded) =
+                    feature::solve_certified(rhs, self.when_it_does_not_fit.into(), tolerance, watch)?;
+                (solved, Some(guarded))
+            }
+            Guard::Off => (feature::solve(rhs, tolerance, watch)?, None),
+        })
     }
 }
 
@@ -132,21 +175,20 @@ fn check_warp(warp: &Warp, factor: &Factor) -> Result<(), NodeError> {
     Ok(())
 }
 
-fn row(fit: &FeatureFit) -> serde_json::Value {
-    json!({
-        "label": fit.label,
-        "deviation_cells": fit.deviation_cells,
-        "scale": fit.scale,
-        "rotation_deg": fit.rotation_deg,
-        "mirrored": fit.mirrored,
-    })
-}
-
 impl From<Mode> for feature::Mode {
     fn from(mode: Mode) -> Self {
         match mode {
             Mode::Similarity => Self::Similarity,
             Mode::Rigid => Self::Rigid,
+        }
+    }
+}
+
+impl From<Fit> for feature::guard::Fit {
+    fn from(fit: Fit) -> Self {
+        match fit {
+            Fit::Shrink => Self::Shrink,
+            Fit::Bend => Self::Bend,
         }
     }
 }

@@ -14,6 +14,7 @@
 //! numbers each: a small dense system per warp ([`Exact`]).
 
 mod cells;
+mod certified;
 mod components;
 mod fit;
 pub mod guard;
@@ -28,6 +29,7 @@ mod weights;
 mod tests;
 
 pub use cells::{FeatureCells, cell_coverage, feature_cells};
+pub use certified::solve_certified;
 pub use fit::FeatureFit;
 pub use rhs::{Freedom, Functional, Mode, OnConflict, Override, Rhs, Targets, rhs};
 pub use setup::{Boundary, Exact, FeatureFactor, Structure, System, factor, setup};

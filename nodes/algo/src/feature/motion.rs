@@ -201,7 +201,7 @@ impl Motions {
             let off = |node: usize| c64::new(warp.x[node], warp.y[node]) - turned(node);
             let sum = group.inner.iter().map(|&node| off(node)).fold(c64::new(0.0, 0.0), |sum, off| sum + off);
             let shift = sum / group.inner.len() as f64;
-            let frame = group.frame.iter().filter(|_| rhs.on_conflict == OnConflict::KeepShape);
+            let frame = group.frame.iter().filter(|_| rhs.targets.on_conflict == OnConflict::KeepShape);
             for &node in group.inner.iter().chain(frame) {
                 let displacement = shift - off(node);
                 [begin[0][node], begin[1][node]] = [displacement.re, displacement.im];
@@ -270,7 +270,7 @@ impl Motions {
 /// The numbers to find for a warp.
 fn unknowns(rhs: &Rhs) -> Vec<Unknown> {
     let features = &rhs.factor.features;
-    let keeps_shape = rhs.on_conflict == OnConflict::KeepShape;
+    let keeps_shape = rhs.targets.on_conflict == OnConflict::KeepShape;
     let mut unknowns = Vec::new();
     let mut first = 0;
     for (group, guide) in features.groups.iter().zip(&rhs.guides) {

@@ -68,27 +68,26 @@ impl Default for Targets<'_> {
 pub enum Freedom {
     /// Anywhere.
     Free,
-    /// Not at all: it stays where the warp puts it, or where the solution puts the exact feature it belongs to.
+    /// Not at all.
     Pinned,
-    /// Along a direction of length 1, from where the warp puts it.
+    /// Along a direction of positive length only.
     Along([f64; 2]),
 }
 
-/// What is minimised, over the displacement d of all nodes from where the warp puts them.
+/// What a feature-aware warp minimises: `sum over edges (p, q) of c |d_q - d_p|^2 - 2 phi . (d_q - d_p)`, d = x - base.
 ///
-/// `sum over edges (p, q) of c |d_q - d_p|^2 - 2 phi . (d_q - d_p)`, up to a constant the weighted sum of squares of
-/// [`super::setup`].
+/// Up to a constant the weighted sum of squares of [`super::setup`].
 #[derive(Clone, Copy, Debug)]
 pub struct Functional<'a> {
-    /// At rest.
+    /// At rest, at least 2 x 2 nodes.
     pub lattice: &'a Lattice,
-    /// c: the sum of the squared weights of the quads at every edge.
+    /// c of every edge, finite and positive: the sum of the squared weights of its quads.
     pub conductances: &'a Edges,
-    /// phi, for x and for y: what the quads ask of each edge beyond what the warp does, times their squared weights.
+    /// phi, for x and for y, px: what is asked of an edge beyond what the base does, times squared weights.
     pub fluxes: &'a [Edges; 2],
-    /// The warp.
+    /// The warp, one position per node, px. Pinned nodes stay here, those that move along a direction pass here.
     pub base: &'a Positions,
-    /// How every node may move.
+    /// Of every node; at least one is pinned.
     pub freedom: &'a [Freedom],
 }
 
@@ -101,7 +100,7 @@ pub struct Rhs<'a> {
     freedom: Vec<Freedom>,
     /// Per group of exact features.
     pub(super) guides: Vec<Guide>,
-    pub(super) on_conflict: OnConflict,
+    pub(super) targets: Targets<'a>,
 }
 
 /// How a group of exact features is mapped before the least squares move it: `turn z`, or `turn conj(z)`.
@@ -117,6 +116,14 @@ impl Rhs<'_> {
         let (features, fluxes) = (&self.factor.features, &self.fluxes);
         let conductances = self.factor.conductances();
         Functional { lattice: &features.lattice, conductances, fluxes, base: self.warp, freedom: &self.freedom }
+    }
+
+    /// How every node may move once exact features may bend.
+    pub(super) fn freedom_to_bend(&self) -> Vec<Freedom> {
+        let mut freedom = self.freedom.clone();
+        let inner = self.factor.features.groups.iter().flat_map(|group| &group.inner);
+        inner.for_each(|&node| freedom[node] = Freedom::Free);
+        freedom
     }
 
     /// The direction that a node of the frame slides along; none where the warp's border has none.
@@ -152,7 +159,7 @@ impl Rhs<'_> {
 pub fn rhs<'a>(
     factor: &'a FeatureFactor,
     warp: &'a Positions,
-    targets: &Targets,
+    targets: &Targets<'a>,
     watch: Watch,
 ) -> Result<Rhs<'a>, Error> {
     let features = &factor.features;
@@ -183,7 +190,7 @@ pub fn rhs<'a>(
         return Err(Error::NoPins);
     }
     let freedom = freedom(features, warp, keeps_shape);
-    Ok(Rhs { factor, warp, fluxes, freedom, guides, on_conflict: targets.on_conflict })
+    Ok(Rhs { factor, warp, fluxes, freedom, guides, targets: *targets })
 }
 
 impl Targets<'_> {

@@ -201,6 +201,11 @@ impl FeatureFactor {
         }
     }
 
+    /// Whether some features are to be similarities exactly.
+    pub(super) fn has_exact_features(&self) -> bool {
+        !self.features.groups.is_empty()
+    }
+
     /// The labels of exact features that share nodes and so are one similarity, group by group.
     pub fn merged(&self) -> impl Iterator<Item = &[u32]> {
         self.features.groups.iter().map(|group| &group.labels[..]).filter(|labels| labels.len() > 1)

@@ -147,7 +147,7 @@ impl Case {
         let fluxes = self.fluxes(1.0);
         let functional = self.functional(&fluxes);
         let literal = self.literal(1.0).expect("solved");
-        guard(&functional, &literal, fit, &|factor| self.literal(factor), UNWATCHED).expect("nobody stops it")
+        guard(&functional, &literal, fit, true, &|factor| self.literal(factor), UNWATCHED).expect("nobody stops it")
     }
 
     /// What is wrong with a result for a base without folds.

@@ -23,8 +23,9 @@ mod system;
 mod tests;
 
 use super::Error;
+pub use super::rhs::{Freedom, Functional};
 use crate::Watch;
-use crate::lattice::{Lattice, Positions};
+use crate::lattice::Positions;
 use crate::poisson::Edges;
 use crate::warp::certify;
 use bend::Bend;
@@ -33,36 +34,11 @@ use newton::Judge;
 use shape::{Shape, in_single_precision};
 use start::Start;
 
-/// How a node may move.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Freedom {
-    /// Anywhere.
-    Free,
-    /// Not at all.
-    Pinned,
-    /// Along a direction of positive length only.
-    Along([f64; 2]),
-}
-
-/// What a feature-aware warp minimises: `sum over edges (p, q) of c |d_q - d_p|^2 - 2 phi . (d_q - d_p)`, d = x - base.
-#[derive(Clone, Copy, Debug)]
-pub struct Functional<'a> {
-    /// At rest, at least 2 x 2 nodes.
-    pub lattice: &'a Lattice,
-    /// c of every edge, finite and positive: the sum of the squared weights of its quads.
-    pub conductances: &'a Edges,
-    /// phi, for x and for y, px: what is asked of an edge beyond what the base does, times squared weights.
-    pub fluxes: &'a [Edges; 2],
-    /// The warp, one position per node, px. Pinned nodes stay here, those that move along a direction pass here.
-    pub base: &'a Positions,
-    /// Of every node; at least one is pinned.
-    pub freedom: &'a [Freedom],
-}
-
 /// What gives way where features do not fit.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Fit {
     /// The size of all features, by one factor.
+    #[default]
     Shrink,
     /// Their shape, as little as weighted least squares can.
     Bend,
@@ -83,6 +59,8 @@ pub enum How {
         /// Steps of Newton's method on the lattice itself, those that looked for a start included.
         steps: usize,
     },
+    /// Not at all: features were not to bend, and no size that was tried helped. The literal solution.
+    Kept,
 }
 
 /// Something that no warp without folds can have, or that keeps one from being certified.
@@ -165,6 +143,7 @@ const HALVINGS: usize = 4;
 ///   `b(r) = -(r - 1)^2 ln r` for r < 1, that is felt below `d = 0.1 min(1, J of the start)` only. mu is a tenth of
 ///   the largest squared weight times a cell's area. Lattices of 33 nodes a side or more, pinned on their frame and
 ///   free inside, are bent halved first; that is the start where it does better.
+/// * `may_bend`: whether features may bend; else what shrinking does not mend stays folded.
 /// * `solve`: the literal solution with all scales multiplied by its argument.
 /// * `watch`: asked before every solve and Newton step and between the phases of the first factorization.
 ///
@@ -186,6 +165,7 @@ pub fn guard(
     functional: &Functional,
     literal: &Positions,
     fit: Fit,
+    may_bend: bool,
     solve: &dyn Fn(f64) -> Result<Positions, Error>,
     watch: Watch,
 ) -> Result<Guarded, Error> {
@@ -194,7 +174,7 @@ pub fn guard(
     functional.first_not_finite(literal)?;
     let frame = frame(functional.lattice.nodes);
     if boundary::doubled_area(functional.base, &frame) >= 0.0 {
-        return guard_upright(functional, literal, fit, solve, watch);
+        return guard_upright(functional, literal, fit, may_bend, solve, watch);
     }
     let [x, y] = functional.fluxes;
     let negative = |edges: &[f64]| edges.iter().map(|value| -value).collect();
@@ -207,7 +187,7 @@ pub fn guard(
     let base = in_mirror(functional.base);
     let upright = Functional { fluxes: &fluxes, base: &base, freedom: &freedom, ..*functional };
     let solve = |factor: f64| solve(factor).map(|positions| in_mirror(&positions));
-    let found = guard_upright(&upright, &in_mirror(literal), fit, &solve, watch)?;
+    let found = guard_upright(&upright, &in_mirror(literal), fit, may_bend, &solve, watch)?;
     Ok(Guarded { positions: in_mirror(&found.positions), mirrored: true, ..found })
 }
 
@@ -215,6 +195,7 @@ fn guard_upright(
     functional: &Functional,
     literal: &Positions,
     fit: Fit,
+    may_bend: bool,
     solve: &dyn Fn(f64) -> Result<Positions, Error>,
     watch: Watch,
 ) -> Result<Guarded, Error> {
@@ -237,6 +218,9 @@ fn guard_upright(
         && let Some((factor, positions)) = shrink(&reaches, solve, watch)?
     {
         return report(positions, How::Shrunk { factor });
+    }
+    if !may_bend {
+        return report(literal.clone(), How::Kept);
     }
     let (positions, steps) = Bend { functional, shape: &shape, literal, floor }.bend(start, watch)?;
     report(positions, How::Bent { steps })

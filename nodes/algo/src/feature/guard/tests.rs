@@ -1,5 +1,6 @@
 use super::*;
 use crate as algo;
+use crate::lattice::Lattice;
 use crate::{Interrupted, UNWATCHED};
 
 #[path = "cases.rs"]
@@ -77,13 +78,13 @@ fn at_most_ten_solves_and_none_without_need() {
         solves.set(solves.get() + 1);
         case.literal(factor)
     };
-    guard(&case.functional(&fluxes), &literal, Fit::Shrink, &solve, UNWATCHED).expect("done");
+    guard(&case.functional(&fluxes), &literal, Fit::Shrink, true, &solve, UNWATCHED).expect("done");
     assert!((2..=10).contains(&solves.get()), "{}", solves.get());
     solves.set(0);
-    guard(&case.functional(&fluxes), &case.base, Fit::Shrink, &solve, UNWATCHED).expect("done");
+    guard(&case.functional(&fluxes), &case.base, Fit::Shrink, true, &solve, UNWATCHED).expect("done");
     assert_eq!(solves.get(), 0);
     // Where no factor helps it bends.
-    let found = guard(&case.functional(&fluxes), &literal, Fit::Shrink, &|_| Ok(literal.clone()), UNWATCHED);
+    let found = guard(&case.functional(&fluxes), &literal, Fit::Shrink, true, &|_| Ok(literal.clone()), UNWATCHED);
     assert_eq!(case.violations(&found.expect("done")), [""; 0]);
 }
 
@@ -156,7 +157,7 @@ fn nothing_to_move_gives_the_base() {
     let mut folded = case.base.clone();
     folded.x[20] += 30.0;
     let functional = Functional { base: &folded, ..case.functional(&fluxes) };
-    let found = guard(&functional, &folded, Fit::Bend, &no_solve, UNWATCHED).expect("done");
+    let found = guard(&functional, &folded, Fit::Bend, true, &no_solve, UNWATCHED).expect("done");
     assert!(!found.reached && found.positions == folded);
     let told = |&obstacle: &Obstacle| matches!(obstacle, Obstacle::PinnedCorner { count, .. } if count > 0);
     assert!(found.obstacles.iter().any(told), "{:?}", found.obstacles);
@@ -187,7 +188,7 @@ fn mirrored_warps_are_repaired_in_a_mirror() {
     let x = Edges { horizontal: negative(&fluxes[0].horizontal), vertical: negative(&fluxes[0].vertical) };
     let (fluxes, base) = ([x, fluxes[1].clone()], in_mirror(&upright.base));
     let functional = Functional { fluxes: &fluxes, base: &base, ..upright.functional(&fluxes) };
-    let found = guard(&functional, &in_mirror(&literal), Fit::Bend, &no_solve, UNWATCHED).expect("done");
+    let found = guard(&functional, &in_mirror(&literal), Fit::Bend, true, &no_solve, UNWATCHED).expect("done");
     let expected = bent(&upright);
     assert_eq!(found, Guarded { positions: in_mirror(&expected.positions), mirrored: true, ..expected });
 }
@@ -220,11 +221,11 @@ fn numbers_that_are_not_finite_are_told_or_harmless() {
     bad.y[15] = f64::NAN;
     let node = Err(Error::NotFinite { column: 1, row: 1 });
     let functional = Functional { base: &bad, ..case.functional(&fluxes) };
-    assert_eq!(guard(&functional, &literal, Fit::Bend, &no_solve, UNWATCHED), node);
-    assert_eq!(guard(&case.functional(&fluxes), &bad, Fit::Bend, &no_solve, UNWATCHED), node);
+    assert_eq!(guard(&functional, &literal, Fit::Bend, true, &no_solve, UNWATCHED), node);
+    assert_eq!(guard(&case.functional(&fluxes), &bad, Fit::Bend, true, &no_solve, UNWATCHED), node);
     let mut fluxes = fluxes;
     fluxes[0].horizontal[40] = f64::NAN;
-    let found = guard(&case.functional(&fluxes), &literal, Fit::Bend, &no_solve, UNWATCHED).expect("done");
+    let found = guard(&case.functional(&fluxes), &literal, Fit::Bend, true, &no_solve, UNWATCHED).expect("done");
     assert!(found.reached && found.positions.x.iter().chain(&found.positions.y).all(|value| value.is_finite()));
 }
 
@@ -239,7 +240,7 @@ fn the_watch_stops_it() {
             count if count >= limit => Err(Interrupted),
             _ => Ok(()),
         };
-        let stopped = guard(&case.functional(&fluxes), &literal, Fit::Bend, &no_solve, &watch);
+        let stopped = guard(&case.functional(&fluxes), &literal, Fit::Bend, true, &no_solve, &watch);
         assert_eq!(stopped, Err(Interrupted.into()), "after {limit}");
     }
 }
@@ -247,18 +248,27 @@ fn the_watch_stops_it() {
 /// The cases' own literal solution is that of the feature-aware warp.
 #[test]
 fn the_literal_solution_is_the_feature_aware_warp() {
-    use crate::feature::{FeatureCells, Mode, factor, rhs, setup, solve};
+    use crate::feature::{Boundary, Exact, FeatureCells, Mode, Structure, Targets, factor, rhs, setup, solve};
     let base = Positions::from_map(&SQUARE, |[x, y]| [0.7 * x + 0.02 * x * y, y + 0.2 * (0.3 * x).sin()]);
     let label = |cell: usize| {
         let within = |[x, y, r]: [f64; 3]| ((cell % 13) as f64 - x).hypot((cell / 13) as f64 - y) <= r;
         DISCS.iter().position(|&disc| within(disc)).map_or(0, |index| index as u32 + 1)
     };
     let cells = FeatureCells { labels: (0..13 * 11).map(label).collect(), mixed: 0, outside: 0 };
+    let structure = Structure {
+        lattice: &SQUARE,
+        cells: &cells,
+        weight: 10.0,
+        weights: &[],
+        soft: None,
+        radius: 2.0,
+        boundary: Boundary::Pin,
+        exact: Exact::Off,
+    };
+    let factor = factor(setup(&structure, UNWATCHED).expect("set up"), UNWATCHED).expect("factored");
     for (rigid, mode) in [(false, Mode::Similarity), (true, Mode::Rigid)] {
-        let factor =
-            factor(setup(&SQUARE, &cells, 10.0, 2.0, UNWATCHED).expect("set up"), UNWATCHED).expect("factored");
-        let right = rhs(&factor, &base, mode, UNWATCHED).expect("finite");
-        let expected = solve(&factor, &right, UNWATCHED).expect("solved").positions;
+        let asked = rhs(&factor, &base, &Targets { mode, ..Targets::default() }, UNWATCHED).expect("finite");
+        let expected = solve(&asked, 1e-9, UNWATCHED).expect("solved").positions;
         let found = Case::new(SQUARE, base.clone(), &DISCS, rigid).literal(1.0).expect("solved");
         for (a, b) in found.x.iter().zip(&expected.x).chain(found.y.iter().zip(&expected.y)) {
             assert!((a - b).abs() < 1e-10, "{a} for {b}");
