@@ -47,7 +47,8 @@ pub struct SaveWarp {
     pub overscan: u32,
     /// Whether the map says where pixels go instead of where they come from.
     pub inverse: bool,
-    /// Whether a warp that folds is written; where cells overlap, the last in row order counts, as in Resample.
+    /// Whether a warp that folds is written; where cells overlap, the last in row order counts, as in Resample. It
+    /// counts too where far parts of a warp overlap without a fold, which is not looked for.
     pub frontmost: bool,
     /// How samples are stored: `Float`, which is `Auto`. Others are too coarse for positions.
     pub depth: Depth,
