@@ -1,4 +1,4 @@
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -12,7 +12,7 @@ use warploom_core::value::{
     Attribute, BufferMut, Channel, Direction, Grid, Image, Layer, Metadata, Plane, Rect, SampleType, Warp,
 };
 
-use super::codec::{self, Compression, Depth, NodeHost, WriteOptions};
+use super::codec::{self, Compression, Depth, WriteOptions};
 use super::warp_file::{Channels, Choices, Preset, window};
 use crate::adapt::{lattice, positions, view_mut, watch, watched};
 
@@ -47,7 +47,8 @@ pub struct SaveWarp {
     pub overscan: u32,
     /// Whether the map says where pixels go instead of where they come from.
     pub inverse: bool,
-    /// Whether a warp that folds is written; where cells overlap, the last in row order counts, as in Resample.
+    /// Whether a warp that folds is written; where cells overlap, the last in row order counts, as in Resample. It
+    /// counts too where far parts of a warp overlap without a fold, which is not looked for.
     pub frontmost: bool,
     /// How samples are stored: `Float`, which is `Auto`. Others are too coarse for positions.
     pub depth: Depth,
@@ -90,9 +91,11 @@ impl Node for SaveWarp {
         let Encoded { without_source, rounding } =
             watched(cx, |watch| exchange::encode(&numbers, data, &mut sources, outs, watch))?;
         let residual = watched(cx, |watch| resample::residual(&map, data, &sources, watch))?;
-        drop(sources);
+        let count = sources.x.len() + positions.x.len();
+        drop((sources, positions));
         let options = WriteOptions { depth: Depth::Float, compression, ..WriteOptions::default() };
-        let bytes = codec::encode_image(&picture(&place, names, planes), "exr", &options, &NodeHost(cx))?;
+        let host = reusing(cx, count * size_of::<[f64; 2]>());
+        let bytes = codec::encode_image(&picture(&place, names, planes), "exr", &options, &host)?;
         cx.write(&self.path, &bytes)?;
         Ok(Outputs::default()
             .stat("pixels", data.width() * data.height())
@@ -189,6 +192,18 @@ impl SaveWarp {
                 NodeError::refused(message).at("warp").hint("bend it less, or write the foremost: frontmost: true")
             }
         })
+    }
+}
+
+/// A codec's host that first uses up so many bytes, which the node had asked for and has given back.
+fn reusing(cx: &Context, spare: usize) -> impl Fn(u128) -> Result<(), NodeError> + Sync {
+    let spare = Mutex::new(spare as u128);
+    move |bytes| {
+        cx.go_on()?;
+        let mut spare = spare.lock().unwrap_or_else(PoisonError::into_inner);
+        let reused = bytes.min(*spare);
+        *spare -= reused;
+        cx.reserve(bytes - reused)
     }
 }
 

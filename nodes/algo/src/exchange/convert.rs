@@ -127,7 +127,8 @@ impl From<Interrupted> for DecodeError {
 /// - `window`: the map's pixels, not empty.
 /// - `x`, `y`, `alpha`: planes of the window's size; without alpha every pixel has a position.
 ///
-/// Cost: linear in the pixels, bands of rows side by side. Asks `watch` for 16 bytes per node, and stops when it says so.
+/// Cost: linear in the pixels, bands of rows side by side. Asks `watch` for 16 bytes per node, and stops when it says
+/// so.
 pub fn decode(
     map: &PixelMap,
     window: Rect,

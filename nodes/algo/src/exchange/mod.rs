@@ -105,7 +105,8 @@ impl PixelMap {
     /// The numbers that say that the pixel centred at `center` belongs to `position`, both px.
     ///
     /// A position at distance d from the format's edge is `(d - shift) / span`, an offset the difference of both
-    /// distances over `span`; [`scale`] gives shift and span.
+    /// distances over `span`. Shift is 1/2 px with whole centres, else 0; span is 1 px, or for fractions the format
+    /// less two shifts.
     pub fn numbers(&self, center: [f64; 2], position: [f64; 2]) -> [f64; 2] {
         [0, 1].map(|axis| {
             let (shift, span) = self.scale(axis);
