@@ -39,6 +39,7 @@ fn run(fit: Fit, count: u64) -> usize {
         after += found.folds;
         match found.how {
             How::Literal => {}
+            How::Kept => unreachable!("features may bend here"),
             How::Shrunk { factor } => shrunk.push(factor),
             How::Bent { steps: made } => steps.push(made as f64),
         }

@@ -22,7 +22,7 @@ pub(super) struct Screen {
 
 impl Screen {
     /// A position in pixels from the upper left corner, as one from the picture's middle.
-    fn from_middle(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+    fn about_middle(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         [x - self.size[0] as f64 / 2.0, y - self.size[1] as f64 / 2.0]
     }
 
@@ -152,7 +152,7 @@ impl<'a> Tile<'a> {
 
     /// The middle of a pixel, px from the picture's middle.
     pub(super) fn middle(&self, x: usize, y: usize) -> [f64; 2] {
-        self.screen.from_middle([x as f64 + 0.5, y as f64 + 0.5])
+        self.screen.about_middle([x as f64 + 0.5, y as f64 + 0.5])
     }
 
     /// Draws a triangle; of two at one depth the first drawn stays.
