@@ -5,7 +5,7 @@ use crate::{Interrupted, Watch};
 
 /// Deforms the lattice smoothly with a few control points: the uniform cubic B-spline over their moves.
 ///
-/// Control point (i, j) of `count\[0\]` x `count\[1\]` rests at i / (count\[0\] - 1) of the width and j / (count\[1\] - 1)
+/// Control point (i, j) of `count[0]` x `count[1]` rests at `i / (count[0] - 1)` of the width and `j / (count[1] - 1)`
 /// of the height. With s = (x - origin) / control spacing, i its whole part (at most count - 2), f its fraction, and
 /// the uniform cubic B-spline weights
 ///
