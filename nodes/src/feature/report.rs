@@ -6,13 +6,16 @@ use warploom_algo::feature::guard::{Guarded, How, Obstacle};
 
 /// What became of a feature.
 pub(super) fn component(fit: &FeatureFit) -> Value {
-    json!({
+    let mut row = json!({
         "label": fit.label,
         "deviation_cells": fit.deviation_cells,
         "scale": fit.scale,
         "rotation_deg": fit.rotation_deg,
-        "mirrored": fit.mirrored,
-    })
+    });
+    if fit.mirrored {
+        row["mirrored"] = true.into();
+    }
+    row
 }
 
 /// What the guard found and did.

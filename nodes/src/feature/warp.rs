@@ -15,7 +15,7 @@ use crate::adapt::{positions, watch};
 ///
 /// The lattice's border stays where the warp puts it, unless the factor says otherwise. `components` is a JSON table,
 /// a row for every feature: its label, the largest distance of its nodes from the similarity next to what became of
-/// it (in mean cell sizes), that similarity's scale and rotation (positive clockwise), and whether it mirrors.
+/// it (in mean cell sizes), that similarity's scale and rotation (positive clockwise), and `mirrored` if it mirrors.
 #[derive(Serialize, Deserialize, JsonSchema, SmartDefault)]
 #[serde(default, deny_unknown_fields)]
 pub struct FeatureWarp {
