@@ -106,7 +106,7 @@ impl Maker<'_> {
             let card = types.iter().find(|t| &*t.name == "Constant").expect("a card");
             self.node(card);
         }
-        let sinks: Vec<&&NodeType> = types.iter().filter(|t| t.sink).collect();
+        let sinks: Vec<&&NodeType> = types.iter().filter(|t| t.sink && self.can_feed(t)).collect();
         for _ in 0..1 + self.random.below(2) {
             let sink = **self.random.pick(&sinks);
             self.node(sink);
