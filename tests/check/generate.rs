@@ -136,7 +136,8 @@ impl Maker<'_> {
         let mut fed = Vec::new();
         let mut first = true;
         for param in &node_type.params {
-            if !param.required && self.random.below(2) == 0 {
+            let starved = matches!(&param.shape, Shape::Port(port) if self.givers(&port.kinds).is_empty());
+            if !param.required && (starved || self.random.below(2) == 0) {
                 continue;
             }
             if !std::mem::take(&mut first) {
