@@ -1,4 +1,5 @@
-//! The nodes of Warploom: thin adapters between the graph and `warploom-algo`. One node, one file; one list of all.
+//! The nodes of Warploom: thin adapters between the graph and `warploom-algo`. One node, one file
+//! (the nine bends share one); one list of all.
 
 mod adapt;
 pub mod card;

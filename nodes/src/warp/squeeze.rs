@@ -5,7 +5,7 @@ use warploom_algo::warp::{self, Bend, Shape};
 use warploom_core::node::{Context, In, Node, NodeError, Output, Outputs};
 use warploom_core::value::Grid;
 
-use super::Orientation;
+use super::bends::Orientation;
 
 /// Squeezes the left and right edges towards each other and bows the others outwards; the corners stay.
 #[derive(Serialize, Deserialize, JsonSchema, SmartDefault)]
