@@ -100,7 +100,7 @@ pub struct ModeOverride {
 
 /// Bytes per lattice node beside the warp's positions and the solve: fluxes, the result, what is held still, and how
 /// each node may move.
-const BYTES_PER_NODE: u128 = 80;
+const BYTES_PER_NODE: u128 = 104;
 
 impl Node for FeatureWarp {
     const VERSION: u32 = 2;
