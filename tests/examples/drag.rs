@@ -55,8 +55,8 @@ fn main() -> Result<(), Box<dyn Error>> {
 /// The graph with the first handle one step further round a circle.
 fn plan(target: &str, step: usize, registry: &Registry) -> Result<Arc<Plan>, Box<dyn Error>> {
     let angle = step as f64 * 0.1;
-    let dragged = [600.0 + 60.0 * angle.cos(), 400.0 + 60.0 * angle.sin()];
-    let still = [(200, 200), (1700, 200), (1700, 900), (200, 900), (960, 100), (960, 1000), (1400, 540)];
+    let dragged = [600.0 + 40.0 * angle.cos(), 400.0 + 40.0 * angle.sin()];
+    let still = [(0, 0), (1920, 0), (1920, 1080), (0, 1080), (960, 0), (960, 1080), (1400, 540)];
     let still: String = still.iter().map(|(x, y)| format!("(from: ({x}, {y}), to: ({x}, {y})), ")).collect();
     let points = format!("[(from: (600, 400), to: ({:?}, {:?})), {still}]", dragged[0], dragged[1]);
     let text = GRAPH.replace("POINTS", &points);
