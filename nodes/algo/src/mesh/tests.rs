@@ -390,9 +390,11 @@ fn planes_that_are_one_are_reduced_once() {
             Ok(())
         }
     }
+    fn planes(samples: [&[f32]; 4]) -> [Option<View<'_, f32>>; 4] {
+        samples.map(|samples| Some(View::packed(samples, 8, 6)))
+    }
     let grey: Vec<f32> = (0..8 * 6).map(|i| ((i * 7) % 5) as f32).collect();
     let (copy, alpha) = (grey.clone(), vec![0.5; 8 * 6]);
-    let planes = |samples: [&'_ [f32]; 4]| samples.map(|samples| Some(View::packed(samples, 8, 6)));
     let (one, two) = ([&*grey, &grey, &grey, &alpha], [&*grey, &copy, &grey, &alpha]);
     let asked = |samples: [&[f32]; 4]| {
         let asked = Asked(AtomicUsize::new(0));
