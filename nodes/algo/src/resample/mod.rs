@@ -18,11 +18,15 @@
 
 mod bounds;
 mod cell;
+mod ellipse;
+mod ewa;
 mod filter;
 mod forward;
+mod jacobian;
 mod locate;
 mod net;
 mod pixels;
+mod pyramid;
 mod sample;
 #[cfg(target_arch = "x86_64")]
 mod simd;
@@ -41,7 +45,8 @@ use crate::lattice::{Lattice, Positions};
 use crate::rect::Rect;
 use crate::view::{View, ViewMut};
 use crate::{Interrupted, Watch};
-use locate::{BAND_HEIGHT, Located, Locator, TILE_WIDTH};
+use ewa::Ewa;
+use locate::{BAND_HEIGHT, Clip, Located, Locator, TILE_WIDTH};
 use rayon::prelude::*;
 use sample::Source;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -124,6 +129,12 @@ pub fn draw(
 ) -> Result<Drawn, Interrupted> {
     let &Sampling { filter, edge, clamp_ringing: clamp } = sampling;
     let source = Source { window: source_window, edge };
+    assert_sources(planes, source_window, out.len());
+    if filter == Filter::Ewa {
+        let ewa = Ewa::new(map, source, dst_window, clamp, planes, watch)?;
+        let fill = |at: &Located, left: usize, out: &mut [ViewMut<f32>]| ewa.fill(at, left, out);
+        return draw_bands(map, &source, dst_window, ewa.reach(), out, watch, fill);
+    }
     let fill = |at: &Located, left: usize, out: &mut [ViewMut<f32>]| match filter {
         Filter::Nearest => {
             sample::nearest(&source, planes, at, left, out);
@@ -133,9 +144,9 @@ pub fn draw(
         Filter::Cubic => sample::filtered(&filter::CUBIC, clamp, &source, planes, at, left, out),
         Filter::Mitchell => sample::filtered(&filter::MITCHELL, clamp, &source, planes, at, left, out),
         Filter::Lanczos3 => sample::filtered(&filter::LANCZOS3, clamp, &source, planes, at, left, out),
+        Filter::Ewa => unreachable!("drawn above"),
     };
-    assert_sources(planes, source_window, out.len());
-    draw_bands(map, &source, dst_window, filter, out, watch, fill)
+    draw_bands(map, &source, dst_window, filter.reach(), out, watch, fill)
 }
 
 /// How many samples of a tile are NaN or infinite.
@@ -176,7 +187,7 @@ pub fn draw_labels(
         0
     };
     assert_sources(planes, source_window, out.len());
-    Ok(draw_bands(map, &source, dst_window, Filter::Nearest, out, watch, fill)?.pixels)
+    Ok(draw_bands(map, &source, dst_window, Filter::Nearest.reach(), out, watch, fill)?.pixels)
 }
 
 fn assert_sources<T>(planes: &[View<T>], window: Rect, outputs: usize) {
@@ -193,7 +204,7 @@ fn draw_bands<T: Send>(
     map: &Map,
     source: &Source,
     window: Rect,
-    filter: Filter,
+    reach: f64,
     out: Vec<ViewMut<T>>,
     watch: Watch,
     fill: impl Fn(&Located, usize, &mut [ViewMut<T>]) -> u64 + Sync,
@@ -205,7 +216,7 @@ fn draw_bands<T: Send>(
     }
     watch.progress(0.0)?;
     watch.reserve(rayon::current_num_threads() * TILE_BYTES)?;
-    let clip = (source.edge == Edge::Transparent).then(|| filter.clip(&source.window));
+    let clip = (source.edge == Edge::Transparent).then(|| Clip::grown(&source.window, reach));
     let locator = (!source.window.is_empty()).then(|| Locator::new(map, window, clip, watch)).transpose()?;
     let bands = bands_of(out, window.height());
     let (count, done) = (bands.len(), AtomicUsize::new(0));

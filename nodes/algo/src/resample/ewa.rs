@@ -1,0 +1,220 @@
+//! The elliptical filter: Cubic where the map does not shrink, else the weighted mean over the ellipse that a pixel
+//! covers ([`ellipse`](super::ellipse)), in a halved picture ([`pyramid`](super::pyramid)) where it shrinks much.
+
+use super::ellipse::{Axes, Ellipse, LANES, LONGEST, Run, Weights, total};
+use super::filter::{CUBIC, Filter};
+use super::jacobian::Jacobians;
+use super::locate::Located;
+use super::pyramid::{self, Level};
+use super::sample::{Edge, Source};
+use super::spans::Point;
+use super::{Map, not_finite, sample};
+use crate::rect::Rect;
+use crate::view::{View, ViewMut};
+use crate::{Interrupted, Watch};
+
+/// Positions farther out than this, px, count as lying here.
+const FARTHEST: f64 = (1_u64 << 27) as f64;
+/// The longest radius of the kernel, in units of the axes.
+const RADIUS: f64 = 1.5;
+
+/// The filter made ready for one picture and one map.
+pub(super) struct Ewa<'a> {
+    jacobians: Jacobians<'a>,
+    source: Source,
+    clamp: bool,
+    planes: &'a [View<'a, f32>],
+    /// The picture halved once, twice, ..
+    levels: Vec<Level>,
+    reach: f64,
+}
+
+impl<'a> Ewa<'a> {
+    /// Looks at the map's cells for the greatest shrink, and halves the picture where they need it. A backward map's
+    /// cells are those under the destination window, a forward map's those over the source window, which is grown by its
+    /// own size if the picture goes on outside.
+    pub fn new(
+        map: &Map<'a>,
+        source: Source,
+        dst_window: Rect,
+        clamp: bool,
+        planes: &'a [View<'a, f32>],
+        watch: Watch,
+    ) -> Result<Self, Interrupted> {
+        let jacobians = Jacobians::new(map);
+        let Source { window, edge } = source;
+        let area = match *map {
+            Map::Backward { .. } => dst_window,
+            Map::Forward { .. } if edge == Edge::Transparent => grown(&window, 2, 2),
+            Map::Forward { .. } => grown(&window, window.width() as i64, window.height() as i64),
+        };
+        let [major, minor] = jacobians.greatest(&area, watch)?;
+        let most = pyramid::most(&window);
+        let top = (0..most).take_while(|&level| minor > LONGEST * (1_u64 << level) as f64).count();
+        let levels = pyramid::halved(&source, planes, top, watch)?;
+        let farthest = (window.width() + window.height()) as f64;
+        let reach = if major > 1.0 { (RADIUS * major).min(farthest).max(RADIUS) } else { Filter::Cubic.reach() };
+        Ok(Self { jacobians, source, clamp, planes, levels, reach })
+    }
+
+    /// How far outside the source window a position gets weight from it, px, at most.
+    pub fn reach(&self) -> f64 {
+        self.reach
+    }
+
+    /// Gives each pixel of a tile its value; places as in [`sample::nearest`]. Returns how many are not finite.
+    pub fn fill(&self, at: &Located, left: usize, out: &mut [ViewMut<f32>]) -> u64 {
+        let axes = self.jacobians.tile(at);
+        if axes.iter().all(Axes::is_still) {
+            return sample::filtered(&CUBIC, self.clamp, &self.source, self.planes, at, left, out);
+        }
+        if axes.iter().zip(&at.x).any(|(axes, x)| !x.is_nan() && axes.share() < 1.0) {
+            sample::filtered(&CUBIC, self.clamp, &self.source, self.planes, at, left, out);
+        }
+        let (arch, mut scratch) = (pulp::Arch::new(), Scratch::default());
+        for (row, axes) in axes.chunks(at.width).enumerate() {
+            let mut rows: Vec<_> = out.iter_mut().map(|out| &mut out.row_mut(row)[left..left + at.width]).collect();
+            arch.dispatch(|| self.row(axes, at.row(row), &mut rows, &mut scratch));
+        }
+        not_finite(left, at.width, out)
+    }
+
+    #[inline(always)]
+    fn row(&self, axes: &[Axes], (xs, ys): (&[f64], &[f64]), rows: &mut [&mut [f32]], scratch: &mut Scratch) {
+        for (i, (axes, (&x, &y))) in axes.iter().zip(xs.iter().zip(ys)).enumerate() {
+            let share = axes.share();
+            if x.is_nan() {
+                rows.iter_mut().for_each(|row| row[i] = 0.0);
+            } else if share > 0.0 {
+                let corner = self.source.corner();
+                let at = [x - corner[0], y - corner[1]].map(|at| at.clamp(-FARTHEST, FARTHEST));
+                self.pixel(*axes, share, at, rows, i, scratch);
+            }
+        }
+    }
+
+    /// Mixes a pixel's value into the cubic one's.
+    #[inline(always)]
+    fn pixel(&self, mut axes: Axes, share: f32, at: Point, rows: &mut [&mut [f32]], i: usize, scratch: &mut Scratch) {
+        let Scratch { weights: [fine, coarse], buffer } = scratch;
+        let (level, part) = axes.level(self.levels.len());
+        self.lay(&axes, level, at, coarse);
+        if part < 1.0 {
+            self.lay(&axes, level - 1, at, fine);
+        }
+        for (plane, row) in rows.iter_mut().enumerate() {
+            let mut value = self.value(coarse, level, plane, buffer);
+            if part < 1.0 {
+                value = mixed(self.value(fine, level - 1, plane, buffer), value, part);
+            }
+            row[i] = if share < 1.0 { mixed(row[i], value, share) } else { value };
+        }
+    }
+
+    /// The weights of a level's samples.
+    #[inline(always)]
+    fn lay(&self, axes: &Axes, level: usize, at: Point, weights: &mut Weights) {
+        if level == 0 {
+            return weights.lay(&Ellipse::new(axes, 0, false), at);
+        }
+        let (window, scale) = (&self.source.window, 1.0 / (1_u64 << level) as f64);
+        let [(x, flop), (y, flip)] = [
+            pyramid::home(self.source.edge, at[0], window.width()),
+            pyramid::home(self.source.edge, at[1], window.height()),
+        ];
+        weights.lay(&Ellipse::new(axes, level, flop != flip), [x * scale, y * scale]);
+    }
+
+    /// The weighted mean of a plane's samples.
+    #[inline(always)]
+    fn value(&self, weights: &Weights, level: usize, plane: usize, buffer: &mut Vec<f32>) -> f32 {
+        match level.checked_sub(1).map(|level| &self.levels[level]) {
+            None => mean(weights, &self.planes[plane], &self.source, self.clamp, buffer),
+            Some(level) => mean(weights, &level.view(plane), &level.source, self.clamp, buffer),
+        }
+    }
+}
+
+/// What a thread reuses from pixel to pixel.
+#[derive(Default)]
+struct Scratch {
+    /// Of a level and the one before it.
+    weights: [Weights; 2],
+    buffer: Vec<f32>,
+}
+
+fn grown(window: &Rect, x: i64, y: i64) -> Rect {
+    Rect::new(window.x0 - x, window.y0 - y, window.x1 + x, window.y1 + y)
+}
+
+/// A NaN's payload depends on how the compiler orders operands; this takes it away.
+#[inline(always)]
+fn mixed(from: f32, to: f32, part: f32) -> f32 {
+    let value = from + part * (to - from);
+    if value.is_nan() { f32::NAN } else { value }
+}
+
+/// The weighted mean of a plane's samples; samples of weight zero are not read. With `clamp` no less than the least and
+/// no more than the greatest of those of positive weight.
+#[inline(always)]
+fn mean(weights: &Weights, plane: &View<f32>, source: &Source, clamp: bool, buffer: &mut Vec<f32>) -> f32 {
+    let mut sums = [0.0; LANES];
+    let mut range = [[f32::INFINITY; LANES], [f32::NEG_INFINITY; LANES]];
+    let mut start = 0;
+    for run in &weights.runs {
+        let groups = &weights.groups[start..start + run.groups];
+        start += run.groups;
+        let samples = samples(run, plane, source, buffer);
+        for (weights, samples) in groups.iter().zip(samples.as_chunks::<LANES>().0) {
+            for lane in 0..LANES {
+                let sample = if weights[lane] != 0.0 { samples[lane] } else { 0.0 };
+                sums[lane] += weights[lane] * sample;
+            }
+            if clamp {
+                widen(&mut range, weights, samples);
+            }
+        }
+    }
+    // Never minus zero.
+    let value = total(sums) / weights.sum + 0.0;
+    let low = range[0].into_iter().fold(f32::INFINITY, f32::min);
+    let high = range[1].into_iter().fold(f32::NEG_INFINITY, f32::max);
+    let value = if clamp && value < low { low } else { value };
+    let value = if clamp && value > high { high } else { value };
+    if value.is_nan() { f32::NAN } else { value }
+}
+
+/// Widens the range to the samples of positive weight that are numbers.
+#[inline(always)]
+fn widen([low, high]: &mut [[f32; LANES]; 2], weights: &[f32; LANES], samples: &[f32; LANES]) {
+    for lane in 0..LANES {
+        let inside = weights[lane] > 0.0;
+        low[lane] = if inside && samples[lane] < low[lane] { samples[lane] } else { low[lane] };
+        high[lane] = if inside && samples[lane] > high[lane] { samples[lane] } else { high[lane] };
+    }
+}
+
+/// The samples of a run: as they lie in the plane, or gathered at its edge.
+#[inline(always)]
+fn samples<'a>(run: &Run, plane: &View<'a, f32>, source: &Source, buffer: &'a mut Vec<f32>) -> &'a [f32] {
+    let count = run.groups * LANES;
+    let inside = run.row >= 0 && (run.row as usize) < plane.height() && run.first >= 0;
+    if inside && run.first as usize + count <= plane.width() {
+        return &plane.row(run.row as usize)[run.first as usize..][..count];
+    }
+    gathered(run, plane, source, buffer)
+}
+
+#[inline(never)]
+fn gathered<'a>(run: &Run, plane: &View<'a, f32>, source: &Source, buffer: &'a mut Vec<f32>) -> &'a [f32] {
+    buffer.clear();
+    match source.row(run.row) {
+        None => buffer.resize(run.groups * LANES, 0.0),
+        Some(row) => {
+            let row = plane.row(row);
+            let columns = run.first..run.first + (run.groups * LANES) as i32;
+            buffer.extend(columns.map(|column| source.column(column).map_or(0.0, |column| row[column])));
+        }
+    }
+    buffer
+}
