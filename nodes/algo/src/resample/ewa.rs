@@ -74,23 +74,9 @@ impl<'a> Ewa<'a> {
         let (arch, mut scratch) = (pulp::Arch::new(), Scratch::default());
         for (row, axes) in axes.chunks(at.width).enumerate() {
             let mut rows: Vec<_> = out.iter_mut().map(|out| &mut out.row_mut(row)[left..left + at.width]).collect();
-            arch.dispatch(|| self.row(axes, at.row(row), &mut rows, &mut scratch));
+            arch.dispatch(Row { ewa: self, axes, places: at.row(row), rows: &mut rows, scratch: &mut scratch });
         }
         not_finite(left, at.width, out)
-    }
-
-    #[inline(always)]
-    fn row(&self, axes: &[Axes], (xs, ys): (&[f64], &[f64]), rows: &mut [&mut [f32]], scratch: &mut Scratch) {
-        for (i, (axes, (&x, &y))) in axes.iter().zip(xs.iter().zip(ys)).enumerate() {
-            let share = axes.share();
-            if x.is_nan() {
-                rows.iter_mut().for_each(|row| row[i] = 0.0);
-            } else if share > 0.0 {
-                let corner = self.source.corner();
-                let at = [x - corner[0], y - corner[1]].map(|at| at.clamp(-FARTHEST, FARTHEST));
-                self.pixel(*axes, share, at, rows, i, scratch);
-            }
-        }
     }
 
     /// Mixes a pixel's value into the cubic one's.
@@ -135,6 +121,34 @@ impl<'a> Ewa<'a> {
     }
 }
 
+/// A row of a tile to be drawn. A type of its own, since only so all of the work is compiled for the processor found.
+struct Row<'a, 'b> {
+    ewa: &'a Ewa<'a>,
+    axes: &'a [Axes],
+    places: (&'a [f64], &'a [f64]),
+    rows: &'a mut [&'b mut [f32]],
+    scratch: &'a mut Scratch,
+}
+
+impl pulp::NullaryFnOnce for Row<'_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let Self { ewa, axes, places: (xs, ys), rows, scratch } = self;
+        let corner = ewa.source.corner();
+        for (i, (axes, (&x, &y))) in axes.iter().zip(xs.iter().zip(ys)).enumerate() {
+            let share = axes.share();
+            if x.is_nan() {
+                rows.iter_mut().for_each(|row| row[i] = 0.0);
+            } else if share > 0.0 {
+                let at = [x - corner[0], y - corner[1]].map(|at| at.clamp(-FARTHEST, FARTHEST));
+                ewa.pixel(*axes, share, at, rows, i, scratch);
+            }
+        }
+    }
+}
+
 /// What a thread reuses from pixel to pixel.
 #[derive(Default)]
 struct Scratch {
@@ -158,6 +172,45 @@ fn mixed(from: f32, to: f32, part: f32) -> f32 {
 /// no more than the greatest of those of positive weight.
 #[inline(always)]
 fn mean(weights: &Weights, plane: &View<f32>, source: &Source, clamp: bool, buffer: &mut Vec<f32>) -> f32 {
+    if !clamp && weights.lie_in(plane.width(), plane.height()) {
+        let value = inner_mean(weights, plane);
+        if value.is_finite() {
+            return value;
+        }
+    }
+    careful_mean(weights, plane, source, clamp, buffer)
+}
+
+/// Where all runs lie in the plane, and all samples are finite.
+#[inline(always)]
+fn inner_mean(weights: &Weights, plane: &View<f32>) -> f32 {
+    let (samples, stride) = plane.samples();
+    let mut sums = [0.0; LANES];
+    let mut add = |weights: &[f32; LANES], samples: &[f32; LANES]| {
+        for lane in 0..LANES {
+            sums[lane] += weights[lane] * samples[lane];
+        }
+    };
+    let runs = weights.runs.iter().map(|run| (&samples[run.row as usize * stride + run.first as usize..], run.groups));
+    if weights.runs.len() == weights.groups.len() {
+        for ((samples, _), weights) in runs.zip(&weights.groups) {
+            add(weights, samples.first_chunk().expect("the run lies in the plane"));
+        }
+    } else {
+        let mut rest = &weights.groups[..];
+        for (samples, groups) in runs {
+            let (run, others) = rest.split_at(groups);
+            rest = others;
+            run.iter().zip(samples.as_chunks().0).for_each(|(weights, samples)| add(weights, samples));
+        }
+    }
+    // Never minus zero.
+    total(sums) / weights.sum + 0.0
+}
+
+/// Anywhere, whatever the samples.
+#[inline(never)]
+fn careful_mean(weights: &Weights, plane: &View<f32>, source: &Source, clamp: bool, buffer: &mut Vec<f32>) -> f32 {
     let mut sums = [0.0; LANES];
     let mut range = [[f32::INFINITY; LANES], [f32::NEG_INFINITY; LANES]];
     let mut start = 0;
@@ -205,7 +258,6 @@ fn samples<'a>(run: &Run, plane: &View<'a, f32>, source: &Source, buffer: &'a mu
     gathered(run, plane, source, buffer)
 }
 
-#[inline(never)]
 fn gathered<'a>(run: &Run, plane: &View<'a, f32>, source: &Source, buffer: &'a mut Vec<f32>) -> &'a [f32] {
     buffer.clear();
     match source.row(run.row) {
