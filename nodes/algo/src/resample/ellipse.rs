@@ -8,6 +8,8 @@
 //! those came nearest to the mean over the pixel, measured on noise, discs, lines and a zone plate.
 
 use super::spans::Point;
+use pulp::bytemuck::cast;
+use pulp::f32x8;
 use std::ops::Range;
 
 /// The greatest ratio of the axes.
@@ -133,20 +135,29 @@ impl Ellipse {
 
     /// The weights of samples that lie `x` and `y` from the centre.
     #[inline(always)]
-    fn weigh(&self, x: [f32; LANES], y: f32) -> [f32; LANES] {
-        let (along, base) = (self.along as f32, self.down as f32 * y * y);
-        let shift = self.slope as f32 * y;
-        std::array::from_fn(|lane| {
-            let x = x[lane] - shift;
-            let u = base + along * x * x;
-            let t = if u < 1.0 { 1.0 - u } else { 0.0 };
-            t * t * (1.0 - self.dip * u)
-        })
+    fn weigh<S: Eight>(&self, simd: S, x: f32x8, y: f32) -> f32x8 {
+        let (along, base) = (simd.splat_f32s(self.along as f32), simd.splat_f32s(self.down as f32 * y * y));
+        let x = simd.sub_f32s(x, simd.splat_f32s(self.slope as f32 * y));
+        let u = simd.add_f32s(base, simd.mul_f32s(along, simd.mul_f32s(x, x)));
+        let one = simd.splat_f32s(1.0);
+        let t = simd.max_f32s(simd.sub_f32s(one, u), simd.splat_f32s(0.0));
+        let dip = simd.sub_f32s(one, simd.mul_f32s(simd.splat_f32s(self.dip), u));
+        simd.mul_f32s(simd.mul_f32s(t, t), dip)
     }
 }
 
 /// Samples that are weighed together; runs are filled up to a multiple of it.
 pub(super) const LANES: usize = 8;
+
+/// A processor's way to compute with eight samples; all give the same bits.
+pub(super) trait Eight: pulp::Simd<f32s = f32x8> {}
+impl<S: pulp::Simd<f32s = f32x8>> Eight for S {}
+
+/// 0, 1, .. from `start` on.
+#[inline(always)]
+fn counted<S: Eight>(simd: S, start: f32) -> f32x8 {
+    simd.add_f32s(simd.splat_f32s(start), f32x8(0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0))
+}
 
 /// Neighbours in a row that have weight.
 #[derive(Clone, Copy, Debug, Default)]
@@ -173,7 +184,7 @@ pub(super) struct Weights {
 impl Weights {
     /// Weighs the samples around `center`, px from the corner of the picture.
     #[inline(always)]
-    pub fn lay(&mut self, ellipse: &Ellipse, center: Point) {
+    pub fn lay<S: Eight>(&mut self, simd: S, ellipse: &Ellipse, center: Point) {
         // Pixel i has its centre at i + 1/2.
         let [x, y] = [center[0] - 0.5, center[1] - 0.5];
         let [width, height] = ellipse.reach;
@@ -182,37 +193,36 @@ impl Weights {
         self.columns = [left, right + 1];
         self.sum = if right - left < LANES as i32 {
             self.columns[1] = left + LANES as i32;
-            self.lay_narrow(ellipse, [x, y], left, top..bottom + 1)
+            self.lay_narrow(simd, ellipse, [x, y], left, top..bottom + 1)
         } else {
-            self.lay_wide(ellipse, [x, y], top..bottom + 1)
+            self.lay_wide(simd, ellipse, [x, y], top..bottom + 1)
         };
     }
 
     /// Rows of one group each.
     #[inline(always)]
-    fn lay_narrow(&mut self, ellipse: &Ellipse, [x, y]: Point, first: i32, rows: Range<i32>) -> f32 {
+    fn lay_narrow<S: Eight>(&mut self, simd: S, ellipse: &Ellipse, [x, y]: Point, first: i32, rows: Range<i32>) -> f32 {
         self.runs.clear();
         self.runs.extend(rows.map(|row| Run { row, first, groups: 1 }));
         self.groups.resize(self.runs.len(), [0.0; LANES]);
         let start = (f64::from(first) - x) as f32;
-        let across = std::array::from_fn(|lane| start + lane as f32);
-        let mut sums = [0.0; LANES];
+        let across = counted(simd, start);
+        let mut sums = simd.splat_f32s(0.0);
         for (run, group) in self.runs.iter().zip(&mut self.groups) {
-            *group = ellipse.weigh(across, (f64::from(run.row) - y) as f32);
-            for lane in 0..LANES {
-                sums[lane] += group[lane];
-            }
+            let weights = ellipse.weigh(simd, across, (f64::from(run.row) - y) as f32);
+            sums = simd.add_f32s(sums, weights);
+            *group = cast(weights);
         }
-        total(sums)
+        total(cast(sums))
     }
 
     /// Rows as long as they are in the ellipse.
     #[inline(always)]
-    fn lay_wide(&mut self, ellipse: &Ellipse, [x, y]: Point, rows: Range<i32>) -> f32 {
+    fn lay_wide<S: Eight>(&mut self, simd: S, ellipse: &Ellipse, [x, y]: Point, rows: Range<i32>) -> f32 {
         self.runs.clear();
         self.groups.clear();
         let width = 1.0 / ellipse.along;
-        let mut sums = [0.0; LANES];
+        let mut sums = simd.splat_f32s(0.0);
         for row in rows {
             let dy = f64::from(row) - y;
             let half = (width * (1.0 - ellipse.down * dy * dy).max(0.0)).sqrt();
@@ -227,14 +237,12 @@ impl Weights {
             let start = (f64::from(first) - x) as f32;
             for group in 0..groups {
                 let from = start + (group * LANES) as f32;
-                let weights = ellipse.weigh(std::array::from_fn(|lane| from + lane as f32), dy as f32);
-                for lane in 0..LANES {
-                    sums[lane] += weights[lane];
-                }
-                self.groups.push(weights);
+                let weights = ellipse.weigh(simd, counted(simd, from), dy as f32);
+                sums = simd.add_f32s(sums, weights);
+                self.groups.push(cast(weights));
             }
         }
-        total(sums)
+        total(cast(sums))
     }
 
     /// Whether all runs lie in a picture of this size.

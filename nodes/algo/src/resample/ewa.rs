@@ -1,7 +1,7 @@
 //! The elliptical filter: Cubic where the map does not shrink, else the weighted mean over the ellipse that a pixel
 //! covers ([`ellipse`](super::ellipse)), in a halved picture ([`pyramid`](super::pyramid)) where it shrinks much.
 
-use super::ellipse::{Axes, Ellipse, LANES, LONGEST, Run, Weights, total};
+use super::ellipse::{Axes, Eight, Ellipse, LANES, LONGEST, Run, Weights, total};
 use super::filter::{CUBIC, Filter};
 use super::jacobian::Jacobians;
 use super::locate::Located;
@@ -12,6 +12,8 @@ use super::{Map, not_finite, sample};
 use crate::rect::Rect;
 use crate::view::{View, ViewMut};
 use crate::{Interrupted, Watch};
+use pulp::Simd;
+use pulp::bytemuck::cast;
 
 /// Positions farther out than this, px, count as lying here.
 const FARTHEST: f64 = (1_u64 << 27) as f64;
@@ -71,27 +73,36 @@ impl<'a> Ewa<'a> {
         if axes.iter().zip(&at.x).any(|(axes, x)| !x.is_nan() && axes.share() < 1.0) {
             sample::filtered(&CUBIC, self.clamp, &self.source, self.planes, at, left, out);
         }
-        let (arch, mut scratch) = (pulp::Arch::new(), Scratch::default());
+        let mut scratch = Scratch::default();
         for (row, axes) in axes.chunks(at.width).enumerate() {
             let mut rows: Vec<_> = out.iter_mut().map(|out| &mut out.row_mut(row)[left..left + at.width]).collect();
-            arch.dispatch(Row { ewa: self, axes, places: at.row(row), rows: &mut rows, scratch: &mut scratch });
+            Row { ewa: self, axes, places: at.row(row), rows: &mut rows, scratch: &mut scratch }.draw();
         }
         not_finite(left, at.width, out)
     }
 
     /// Mixes a pixel's value into the cubic one's.
     #[inline(always)]
-    fn pixel(&self, mut axes: Axes, share: f32, at: Point, rows: &mut [&mut [f32]], i: usize, scratch: &mut Scratch) {
+    fn pixel<S: Eight>(
+        &self,
+        simd: S,
+        mut axes: Axes,
+        share: f32,
+        at: Point,
+        rows: &mut [&mut [f32]],
+        i: usize,
+        scratch: &mut Scratch,
+    ) {
         let Scratch { weights: [fine, coarse], buffer } = scratch;
         let (level, part) = axes.level(self.levels.len());
-        self.lay(&axes, level, at, coarse);
+        self.lay(simd, &axes, level, at, coarse);
         if part < 1.0 {
-            self.lay(&axes, level - 1, at, fine);
+            self.lay(simd, &axes, level - 1, at, fine);
         }
         for (plane, row) in rows.iter_mut().enumerate() {
-            let mut value = self.value(coarse, level, plane, buffer);
+            let mut value = self.value(simd, coarse, level, plane, buffer);
             if part < 1.0 {
-                value = mixed(self.value(fine, level - 1, plane, buffer), value, part);
+                value = mixed(self.value(simd, fine, level - 1, plane, buffer), value, part);
             }
             row[i] = if share < 1.0 { mixed(row[i], value, share) } else { value };
         }
@@ -99,29 +110,29 @@ impl<'a> Ewa<'a> {
 
     /// The weights of a level's samples.
     #[inline(always)]
-    fn lay(&self, axes: &Axes, level: usize, at: Point, weights: &mut Weights) {
+    fn lay<S: Eight>(&self, simd: S, axes: &Axes, level: usize, at: Point, weights: &mut Weights) {
         if level == 0 {
-            return weights.lay(&Ellipse::new(axes, 0, false), at);
+            return weights.lay(simd, &Ellipse::new(axes, 0, false), at);
         }
         let (window, scale) = (&self.source.window, 1.0 / (1_u64 << level) as f64);
         let [(x, flop), (y, flip)] = [
             pyramid::home(self.source.edge, at[0], window.width()),
             pyramid::home(self.source.edge, at[1], window.height()),
         ];
-        weights.lay(&Ellipse::new(axes, level, flop != flip), [x * scale, y * scale]);
+        weights.lay(simd, &Ellipse::new(axes, level, flop != flip), [x * scale, y * scale]);
     }
 
     /// The weighted mean of a plane's samples.
     #[inline(always)]
-    fn value(&self, weights: &Weights, level: usize, plane: usize, buffer: &mut Vec<f32>) -> f32 {
+    fn value<S: Eight>(&self, simd: S, weights: &Weights, level: usize, plane: usize, buffer: &mut Vec<f32>) -> f32 {
         match level.checked_sub(1).map(|level| &self.levels[level]) {
-            None => mean(weights, &self.planes[plane], &self.source, self.clamp, buffer),
-            Some(level) => mean(weights, &level.view(plane), &level.source, self.clamp, buffer),
+            None => mean(simd, weights, &self.planes[plane], &self.source, self.clamp, buffer),
+            Some(level) => mean(simd, weights, &level.view(plane), &level.source, self.clamp, buffer),
         }
     }
 }
 
-/// A row of a tile to be drawn. A type of its own, since only so all of the work is compiled for the processor found.
+/// A row of a tile to be drawn.
 struct Row<'a, 'b> {
     ewa: &'a Ewa<'a>,
     axes: &'a [Axes],
@@ -130,11 +141,17 @@ struct Row<'a, 'b> {
     scratch: &'a mut Scratch,
 }
 
-impl pulp::NullaryFnOnce for Row<'_, '_> {
-    type Output = ();
+impl Row<'_, '_> {
+    fn draw(self) {
+        #[cfg(target_arch = "x86_64")]
+        if let Some(simd) = pulp::x86::V3::try_new() {
+            return Simd::vectorize(simd, With { simd, row: self });
+        }
+        self.draw_with(pulp::Scalar256b);
+    }
 
     #[inline(always)]
-    fn call(self) {
+    fn draw_with<S: Eight>(self, simd: S) {
         let Self { ewa, axes, places: (xs, ys), rows, scratch } = self;
         let corner = ewa.source.corner();
         for (i, (axes, (&x, &y))) in axes.iter().zip(xs.iter().zip(ys)).enumerate() {
@@ -143,9 +160,24 @@ impl pulp::NullaryFnOnce for Row<'_, '_> {
                 rows.iter_mut().for_each(|row| row[i] = 0.0);
             } else if share > 0.0 {
                 let at = [x - corner[0], y - corner[1]].map(|at| at.clamp(-FARTHEST, FARTHEST));
-                ewa.pixel(*axes, share, at, rows, i, scratch);
+                ewa.pixel(simd, *axes, share, at, rows, i, scratch);
             }
         }
+    }
+}
+
+/// A row and the lanes to draw it with: all of the work is compiled for their processor.
+struct With<'a, 'b, S> {
+    simd: S,
+    row: Row<'a, 'b>,
+}
+
+impl<S: Eight> pulp::WithSimd for With<'_, '_, S> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<T: Simd>(self, _: T) {
+        self.row.draw_with(self.simd);
     }
 }
 
@@ -171,9 +203,16 @@ fn mixed(from: f32, to: f32, part: f32) -> f32 {
 /// The weighted mean of a plane's samples; samples of weight zero are not read. With `clamp` no less than the least and
 /// no more than the greatest of those of positive weight.
 #[inline(always)]
-fn mean(weights: &Weights, plane: &View<f32>, source: &Source, clamp: bool, buffer: &mut Vec<f32>) -> f32 {
+fn mean<S: Eight>(
+    simd: S,
+    weights: &Weights,
+    plane: &View<f32>,
+    source: &Source,
+    clamp: bool,
+    buffer: &mut Vec<f32>,
+) -> f32 {
     if !clamp && weights.lie_in(plane.width(), plane.height()) {
-        let value = inner_mean(weights, plane);
+        let value = inner_mean(simd, weights, plane);
         if value.is_finite() {
             return value;
         }
@@ -183,13 +222,11 @@ fn mean(weights: &Weights, plane: &View<f32>, source: &Source, clamp: bool, buff
 
 /// Where all runs lie in the plane, and all samples are finite.
 #[inline(always)]
-fn inner_mean(weights: &Weights, plane: &View<f32>) -> f32 {
+fn inner_mean<S: Eight>(simd: S, weights: &Weights, plane: &View<f32>) -> f32 {
     let (samples, stride) = plane.samples();
-    let mut sums = [0.0; LANES];
+    let mut sums = simd.splat_f32s(0.0);
     let mut add = |weights: &[f32; LANES], samples: &[f32; LANES]| {
-        for lane in 0..LANES {
-            sums[lane] += weights[lane] * samples[lane];
-        }
+        sums = simd.add_f32s(sums, simd.mul_f32s(cast(*weights), cast(*samples)));
     };
     let runs = weights.runs.iter().map(|run| (&samples[run.row as usize * stride + run.first as usize..], run.groups));
     if weights.runs.len() == weights.groups.len() {
@@ -205,7 +242,7 @@ fn inner_mean(weights: &Weights, plane: &View<f32>) -> f32 {
         }
     }
     // Never minus zero.
-    total(sums) / weights.sum + 0.0
+    total(cast(sums)) / weights.sum + 0.0
 }
 
 /// Anywhere, whatever the samples.

@@ -135,7 +135,7 @@ fn weights_spread_as_the_pixel_does() {
         let axes = ellipse::Axes::of([[matrix[0][0], matrix[1][0]], [matrix[0][1], matrix[1][1]]]);
         let mut weights = ellipse::Weights::default();
         let center = [50.3, 60.8];
-        weights.lay(&ellipse::Ellipse::new(&axes, 0, false), center);
+        weights.lay(pulp::Scalar256b, &ellipse::Ellipse::new(&axes, 0, false), center);
         let mut groups = weights.groups.iter();
         let mut sums = [0.0; 6];
         for run in &weights.runs {
