@@ -253,6 +253,48 @@ impl Weights {
     }
 }
 
+/// A patch of a picture's planes, as many as are weighed together.
+#[derive(Clone, Copy)]
+pub(super) struct Patch<'a, const P: usize> {
+    /// All of one size and stride.
+    pub planes: [&'a [f32]; P],
+    pub stride: usize,
+    pub size: [usize; 2],
+}
+
+impl<const P: usize> Patch<'_, P> {
+    /// What [`Weights`] of one group per row give, at once: the weighted means, if the rows lie inside and all samples
+    /// read are finite. The count of rows is the ellipse's alone, so that it is foreseen from pixel to pixel.
+    #[inline(always)]
+    pub fn means<S: Eight>(&self, simd: S, ellipse: &Ellipse, center: Point) -> Option<[f32; P]> {
+        let [x, y] = [center[0] - 0.5, center[1] - 0.5];
+        let [width, height] = ellipse.reach;
+        if 2.0 * width >= LANES as f64 {
+            return None;
+        }
+        let (first, top, rows) = ((x - width).ceil(), (y - height).ceil(), (2.0 * height) as usize + 1);
+        let inside = (first >= 0.0) & (top >= 0.0) & (first as usize + LANES <= self.size[0]);
+        if !(inside & (top as usize + rows <= self.size[1])) {
+            return None;
+        }
+        let across = counted(simd, (first - x) as f32);
+        let mut at = top as usize * self.stride + first as usize;
+        let (mut sum, mut sums) = (simd.splat_f32s(0.0), [simd.splat_f32s(0.0); P]);
+        for row in 0..rows {
+            let weights = ellipse.weigh(simd, across, (top + row as f64 - y) as f32);
+            sum = simd.add_f32s(sum, weights);
+            for plane in 0..P {
+                let samples: [f32; LANES] = *self.planes[plane][at..].first_chunk().expect("the row lies inside");
+                sums[plane] = simd.add_f32s(sums[plane], simd.mul_f32s(weights, cast(samples)));
+            }
+            at += self.stride;
+        }
+        let sum = total(cast(sum));
+        let means = sums.map(|sums| total(cast(sums)) / sum + 0.0);
+        means.iter().all(|mean| mean.is_finite()).then_some(means)
+    }
+}
+
 /// The sum of the lanes, halves first.
 #[inline(always)]
 pub(super) fn total(lanes: [f32; LANES]) -> f32 {

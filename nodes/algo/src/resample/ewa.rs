@@ -1,7 +1,7 @@
 //! The elliptical filter: Cubic where the map does not shrink, else the weighted mean over the ellipse that a pixel
 //! covers ([`ellipse`](super::ellipse)), in a halved picture ([`pyramid`](super::pyramid)) where it shrinks much.
 
-use super::ellipse::{Axes, Eight, Ellipse, LANES, LONGEST, Run, Weights, total};
+use super::ellipse::{Axes, Eight, Ellipse, LANES, LONGEST, Patch, Run, Weights, total};
 use super::filter::{CUBIC, Filter};
 use super::jacobian::Jacobians;
 use super::locate::Located;
@@ -28,6 +28,8 @@ pub(super) struct Ewa<'a> {
     planes: &'a [View<'a, f32>],
     /// The picture halved once, twice, ..
     levels: Vec<Level>,
+    /// Whether the planes have one stride.
+    alike: bool,
     reach: f64,
 }
 
@@ -56,7 +58,8 @@ impl<'a> Ewa<'a> {
         let levels = pyramid::halved(&source, planes, top, watch)?;
         let farthest = (window.width() + window.height()) as f64;
         let reach = if major > 1.0 { (RADIUS * major).min(farthest).max(RADIUS) } else { Filter::Cubic.reach() };
-        Ok(Self { jacobians, source, clamp, planes, levels, reach })
+        let alike = planes.iter().all(|plane| plane.samples().1 == planes[0].samples().1);
+        Ok(Self { jacobians, source, clamp, planes, levels, alike, reach })
     }
 
     /// How far outside the source window a position gets weight from it, px, at most.
@@ -93,33 +96,60 @@ impl<'a> Ewa<'a> {
         i: usize,
         scratch: &mut Scratch,
     ) {
-        let Scratch { weights: [fine, coarse], buffer } = scratch;
         let (level, part) = axes.level(self.levels.len());
-        self.lay(simd, &axes, level, at, coarse);
-        if part < 1.0 {
-            self.lay(simd, &axes, level - 1, at, fine);
+        let (ellipse, center) = self.ellipse(&axes, level, at);
+        let mut done = 0;
+        if self.alike && !self.clamp && part == 1.0 {
+            while done + 4 <= rows.len() {
+                let Some(means) = self.patch::<4>(level, done).means(simd, &ellipse, center) else { break };
+                (0..4).for_each(|plane| mix(&mut rows[done + plane][i], means[plane], share));
+                done += 4;
+            }
+            while done < rows.len() {
+                let Some([mean]) = self.patch::<1>(level, done).means(simd, &ellipse, center) else { break };
+                mix(&mut rows[done][i], mean, share);
+                done += 1;
+            }
         }
-        for (plane, row) in rows.iter_mut().enumerate() {
+        if done == rows.len() {
+            return;
+        }
+        let Scratch { weights: [fine, coarse], buffer } = scratch;
+        coarse.lay(simd, &ellipse, center);
+        if part < 1.0 {
+            let (ellipse, center) = self.ellipse(&axes, level - 1, at);
+            fine.lay(simd, &ellipse, center);
+        }
+        for (plane, row) in rows.iter_mut().enumerate().skip(done) {
             let mut value = self.value(simd, coarse, level, plane, buffer);
             if part < 1.0 {
                 value = mixed(self.value(simd, fine, level - 1, plane, buffer), value, part);
             }
-            row[i] = if share < 1.0 { mixed(row[i], value, share) } else { value };
+            mix(&mut row[i], value, share);
         }
     }
 
-    /// The weights of a level's samples.
+    /// Planes from `first` on of a level.
     #[inline(always)]
-    fn lay<S: Eight>(&self, simd: S, axes: &Axes, level: usize, at: Point, weights: &mut Weights) {
+    fn patch<const P: usize>(&self, level: usize, first: usize) -> Patch<'_, P> {
+        let view = |plane: usize| match level.checked_sub(1) {
+            None => self.planes[plane],
+            Some(level) => self.levels[level].view(plane),
+        };
+        let (stride, size) = (view(first).samples().1, [view(first).width(), view(first).height()]);
+        Patch { planes: std::array::from_fn(|plane| view(first + plane).samples().0), stride, size }
+    }
+
+    /// The ellipse of a place in a level, and its centre there.
+    #[inline(always)]
+    fn ellipse(&self, axes: &Axes, level: usize, at: Point) -> (Ellipse, Point) {
         if level == 0 {
-            return weights.lay(simd, &Ellipse::new(axes, 0, false), at);
+            return (Ellipse::new(axes, 0, false), at);
         }
-        let (window, scale) = (&self.source.window, 1.0 / (1_u64 << level) as f64);
-        let [(x, flop), (y, flip)] = [
-            pyramid::home(self.source.edge, at[0], window.width()),
-            pyramid::home(self.source.edge, at[1], window.height()),
-        ];
-        weights.lay(simd, &Ellipse::new(axes, level, flop != flip), [x * scale, y * scale]);
+        let (Source { window, edge }, scale) = (&self.source, 1.0 / (1_u64 << level) as f64);
+        let (x, flop) = pyramid::home(*edge, at[0], window.width());
+        let (y, flip) = pyramid::home(*edge, at[1], window.height());
+        (Ellipse::new(axes, level, flop != flip), [x * scale, y * scale])
     }
 
     /// The weighted mean of a plane's samples.
@@ -191,6 +221,12 @@ struct Scratch {
 
 fn grown(window: &Rect, x: i64, y: i64) -> Rect {
     Rect::new(window.x0 - x, window.y0 - y, window.x1 + x, window.y1 + y)
+}
+
+/// Mixes `to` into a value; all of it if `share` is 1, whatever the value was.
+#[inline(always)]
+fn mix(value: &mut f32, to: f32, share: f32) {
+    *value = if share < 1.0 { mixed(*value, to, share) } else { to };
 }
 
 /// A NaN's payload depends on how the compiler orders operands; this takes it away.
