@@ -256,12 +256,13 @@ fn it_is_near_the_mean_over_the_pixel() {
 #[test]
 fn it_changes_over_without_a_step() {
     // The same pixel while the shrink grows by thousandths: 1 is where Cubic ends, 4 and 8 where the next level starts.
+    let source = Rect::new(-3, 2, 62, 66);
     let (dst, plane) =
-        (Rect::new(0, 0, 1, 1), painted(SOURCE, |x, y| ((x * 7.0 + y * 13.0) as i64 % 17) as f64 / 17.0));
+        (Rect::new(0, 0, 1, 1), painted(source, |x, y| ((x * 7.0 + y * 13.0) as i64 % 17) as f64 / 17.0));
     for (down, turn) in [(1.0, 0.0), (0.6, 35.0), (0.1, 20.0)] {
         let at = |step: i32| {
             let shrink = 0.9 * libm::pow(1.001, f64::from(step));
-            shrunk(turned(shrink, down * shrink, turn), SOURCE, dst, Edge::Mirror, false, &plane).0[0]
+            shrunk(turned(shrink, down * shrink, turn), source, dst, Edge::Mirror, false, &plane).0[0]
         };
         let values: Vec<f32> = (0..2600).map(at).collect();
         let jump = values.windows(2).map(|pair| (pair[1] - pair[0]).abs()).fold(0.0, f32::max);
@@ -367,12 +368,12 @@ fn forward_and_backward_shrink_alike() {
 #[test]
 fn a_wrapped_picture_is_the_picture_side_by_side() {
     // Odd sides, so that the halved pictures do not repeat by themselves; the mirrored picture stands at its side.
-    let (small, dst) = (Rect::new(0, 0, 75, 75), Rect::new(0, 0, 20, 20));
+    let (small, dst) = (Rect::new(0, 0, 75, 75), Rect::new(0, 0, 40, 40));
     let plane = painted(small, |x, y| {
         let [x, y] = [x, y].map(|at| 2.0 * PI / 75.0 * at);
         0.5 + 0.5 * libm::sin(2.0 * x) * libm::cos(3.0 * y + x)
     });
-    let large = Rect::new(-75, -75, 150, 150);
+    let large = Rect::new(-225, -225, 300, 300);
     for (edge, matrix) in [Edge::Wrap, Edge::Mirror]
         .into_iter()
         .flat_map(|edge| [turned(3.0, 3.0, 0.0), turned(9.0, 5.0, 30.0)].map(|matrix| (edge, matrix)))
@@ -384,7 +385,7 @@ fn a_wrapped_picture_is_the_picture_side_by_side() {
         let whole = shrunk(matrix, large, dst, Edge::Clamp, false, &copied).0;
         let repeated = shrunk(matrix, small, dst, edge, false, &plane).0;
         let difference = worst(&whole, &repeated);
-        assert!(difference < 0.02, "{edge:?} {matrix:?}: {difference}");
+        assert!(difference < 0.04, "{edge:?} {matrix:?}: {difference}");
     }
 }
 
