@@ -1,7 +1,8 @@
 """Shrinking beside OpenImageIO's st_warp: RGBA f32, one thread, processor time, medians; `ewa` against catmull-rom.
 
-A picture of discs, lines, noise and a zone plate is shrunk to 1/1, 1/2, 1/4 and 1/8, and unevenly and turned. The PSNR is
-that to the mean, in f64, of 16 x 16 places in each pixel, the picture between samples being Keys' cubic with a = -1/2.
+A picture of discs, lines, noise and a zone plate is shrunk to 1/1, 1/2, 1/4 and 1/8, and unevenly and turned; then side by
+side, mirrored again and again, until the result is as large as the picture, so that halving it counts less. The PSNR is that
+to the mean, in f64, of 16 x 16 places in each pixel, the picture between samples being Keys' cubic with a = -1/2.
 Usage: bench_ewa.py EXAMPLE [SIZE]      (EXAMPLE: the release build of tests/examples/resample.rs)
 """
 
@@ -88,17 +89,35 @@ def ours(example, folder, planes, matrix, offset, out):
     at = np.arange(2) * float(out)
     corners = np.stack(np.broadcast_arrays(at[None, :], at[:, None]))
     (np.tensordot(matrix, corners, 1) + offset[:, None, None]).astype("<f8").tofile(folder / "map")
-    shape = [size, size, 4, folder / "map", 2, 2, 0, out, "backward", "ewa", REPEATS, folder / "out", out, out]
+    return timed(example, folder, size, 2, out, out)
+
+
+def timed(example, folder, size, nodes, spacing, out):
+    shape = [size, size, 4, folder / "map", nodes, nodes, 0, spacing, "backward", "ewa", REPEATS, folder / "out", out, out]
     command = [str(word) for word in [example, folder / "picture", *shape]]
     lines = subprocess.run(command, check=True, capture_output=True, text=True).stdout.split()
     return statistics.median(map(float, lines)), np.fromfile(folder / "out", "<f4").reshape(4, out, out)
 
 
+def mirrored(example, folder, planes, shrink):
+    """Seconds of both for the picture side by side; the map's cells are the copies."""
+    size = planes.shape[1]
+    at = np.where(np.arange(shrink + 1) % 2, float(size), 0.0)
+    np.stack(np.broadcast_arrays(at[None, :], at[:, None])).astype("<f8").tofile(folder / "map")
+    seconds, _ = timed(example, folder, size, shrink + 1, size / shrink, size)
+    place = np.abs((shrink * (np.arange(size) + 0.5) + size) % (2 * size) - size)
+    return seconds, warped(planes, np.stack(np.meshgrid(place, place)))[0]
+
+
 def st_warp(planes, matrix, offset, out):
+ = oiio.ImageBuf(np.ascontiguousarray(planes.transpose(1, 2, 0)))
+    centers = np.stack(np.meshgrid(np.arange(out) + 0.5, np.arange(out) + 0.5))
+    return warped(planes, np.tensordot(matrix, centers, 1) + offset[:, None, None])
+
+
+def warped(planes, positions):
     size = planes.shape[1]
     image = oiio.ImageBuf(np.ascontiguousarray(planes.transpose(1, 2, 0)))
-    centers = np.stack(np.meshgrid(np.arange(out) + 0.5, np.arange(out) + 0.5))
-    positions = np.tensordot(matrix, centers, 1) + offset[:, None, None]
     coordinates = oiio.ImageBuf((positions / size).transpose(1, 2, 0).astype(np.float32).copy())
     seconds = []
     while len(seconds) < 3 and sum(seconds) < 10:
@@ -117,12 +136,17 @@ def main(example, size):
             matrix, offset = affine(across, down, degrees, size, out)
             seconds, drawn = ours(example, pathlib.Path(folder), planes, matrix, offset, out)
             peer, peer_drawn = st_warp(planes, matrix, offset, out)
-            patch = slice(max(0, out // 2 - PATCH // 2), out // 2 + PATCH // 2)
+            patch = slice(max(0, out // 2 - PATCH // 2), min(out, out // 2 + PATCH // 2))
             expected = reference(planes, matrix, offset, patch)
             good, other = [psnr(found[:, patch, patch], expected) for found in (drawn, peer_drawn)]
             rate, peer_rate = out * out / 1e6 / seconds, out * out / 1e6 / peer
             print(f"{name}: {rate:.2f} Mpix/s, st_warp {peer_rate:.3f}, ratio {rate / peer_rate:.1f}, target {TARGET}; "
                   f"PSNR {good:.1f} dB, st_warp {other:.1f}", flush=True)
+        for shrink in (1, 2, 4, 8):
+            seconds, peer = mirrored(example, pathlib.Path(folder), planes, shrink)
+            rate, peer_rate = size * size / 1e6 / seconds, size * size / 1e6 / peer
+            print(f"{shrink}x side by side: {rate:.2f} Mpix/s, st_warp {peer_rate:.3f}, ratio {rate / peer_rate:.1f}, "
+                  f"target {TARGET}", flush=True)
 
 
 if __name__ == "__main__":

@@ -385,7 +385,7 @@ fn a_wrapped_picture_is_the_picture_side_by_side() {
         let whole = shrunk(matrix, large, dst, Edge::Clamp, false, &copied).0;
         let repeated = shrunk(matrix, small, dst, edge, false, &plane).0;
         let difference = worst(&whole, &repeated);
-        assert!(difference < 0.04, "{edge:?} {matrix:?}: {difference}");
+        assert!(difference < 0.06, "{edge:?} {matrix:?}: {difference}");
     }
 }
 
