@@ -110,7 +110,6 @@ def mirrored(example, folder, planes, shrink):
 
 
 def st_warp(planes, matrix, offset, out):
- = oiio.ImageBuf(np.ascontiguousarray(planes.transpose(1, 2, 0)))
     centers = np.stack(np.meshgrid(np.arange(out) + 0.5, np.arange(out) + 0.5))
     return warped(planes, np.tensordot(matrix, centers, 1) + offset[:, None, None])
 
