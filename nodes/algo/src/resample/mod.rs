@@ -103,7 +103,7 @@ pub struct Drawn {
 /// pixel covers an ellipse with these semi-axes in the source. Where a <= 1, and where the Jacobian is not finite,
 /// Cubic is drawn, bit for bit; from a = 5/4 on the weighted mean over the ellipse; between them a smooth mix. A sample at
 /// the distance r from the centre, in units of the axes, weighs `(1 - u)^2 (1 - c u)`, u = (r / R)^2 < 1, over the sum,
-/// with R = 1 + 1 / 2b, and c such that the second moments are those of the pixel itself. Where b > 4 the samples
+/// with R = 5/6 + 2 / 3b, and c such that the second moments are those of the pixel itself. Where b > 4 the samples
 /// are those of the source halved until b <= 4, smoothly mixed with the level before while b is at most 5 there. How often
 /// it is halved is decided at the corners of the map's cells; pixels that shrink more than these, on a continuation far
 /// out, take an ellipse of the last level's reach. With `clamp_ringing` the range is that of samples of positive weight.
@@ -122,7 +122,7 @@ pub struct Drawn {
 /// written.
 ///
 /// Cost: linear in the cells and in the destination's pixels times planes; for Ewa times the samples of an ellipse,
-/// some 16 where a = b = 2, 60 where a = b = 4, and 2000 at most; halving reads the source once and asks `watch` for a third
+/// some 17 where a = b = 2, 50 where a = b = 4, and 1200 at most; halving reads the source once and asks `watch` for a third
 /// of its size. Bands of 64 rows go side by side; the result does not depend on how many.
 ///
 /// Keys' cubic: R. Keys, "Cubic convolution interpolation for digital image processing", IEEE Trans. ASSP 29, 1981,
