@@ -59,6 +59,10 @@ pub enum Filter {
     Mitchell,
     /// Windowed sinc between thirty-six pixels, sharp; rings beside bright pixels.
     Lanczos3,
+    /// As the cubic where the warp does not shrink; elsewhere the mean over the ellipse that a new pixel covers in the
+    /// old picture, weighted, so that fine detail does not alias. The ellipse's minor axis is never shorter than a
+    /// pixel, nor than a sixteenth of its major axis; past a shrink of 4 a halved picture is drawn from.
+    Ewa,
 }
 
 /// What lies outside the data window.
@@ -179,6 +183,7 @@ impl Drawing<'_> {
             Filter::Cubic => Kernel::Cubic,
             Filter::Mitchell => Kernel::Mitchell,
             Filter::Lanczos3 => Kernel::Lanczos3,
+            Filter::Ewa => Kernel::Ewa,
         };
         let sampling = Sampling { filter, edge: self.border(), clamp_ringing: self.node.clamp_ringing };
         let mut out = self.cx.planes(planes.len(), to.width(), to.height())?;
