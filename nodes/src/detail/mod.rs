@@ -22,5 +22,6 @@ fn colour(layer: &Layer) -> Result<(&'static [&'static str], [&Buffer<f32>; 3]),
         let planes: Vec<&Buffer<f32>> = names.iter().filter_map(plane).collect();
         (planes.len() == names.len()).then(|| (*names, [0, 1, 2].map(|i| planes[i % planes.len()])))
     });
-    found.ok_or_else(|| NodeError::refused("the picture needs channels R, G and B, or Y, that hold numbers").at("image"))
+    found
+        .ok_or_else(|| NodeError::refused("the picture needs channels R, G and B, or Y, that hold numbers").at("image"))
 }

@@ -73,8 +73,7 @@ impl Node for Detail {
         let mut out = cx.planes(3, width, height)?;
         let outs = out.iter_mut().map(view_mut).collect::<Vec<_>>().try_into().expect("three planes");
         let (views, settings) = (planes.map(view), self.settings());
-        let done =
-            watched(cx, |watch| detail::detail(sets, &views, &magnification, &origins, &settings, outs, watch))?;
+        let done = watched(cx, |watch| detail::detail(sets, &views, &magnification, &origins, &settings, outs, watch))?;
         let mut made = out.into_iter();
         let mut channels = layer.channels.clone();
         for name in names {

@@ -13,24 +13,12 @@ use crate::{Interrupted, Watch};
 const NUMBERS: usize = 56;
 type Neighbourhood = [f32; NUMBERS];
 
-/// Bytes per pixel of the training picture.
-pub(super) const BYTES: usize = 2 * size_of::<Neighbourhood>() + 8;
+/// Bytes per pixel of the training picture: blurred planes, their pyramid, neighbourhoods and their tree.
+pub(super) const BYTES: usize = 12 + 16 * 4 / 3 + 2 * size_of::<Neighbourhood>() + 5;
 
 /// The pixels of 5 x 5 that come before the middle one in raster order.
-const BEFORE: [(isize, isize); 12] = [
-    (-2, -2),
-    (-1, -2),
-    (0, -2),
-    (1, -2),
-    (2, -2),
-    (-2, -1),
-    (-1, -1),
-    (0, -1),
-    (1, -1),
-    (2, -1),
-    (-2, 0),
-    (-1, 0),
-];
+const BEFORE: [(isize, isize); 12] =
+    [(-2, -2), (-1, -2), (0, -2), (1, -2), (2, -2), (-2, -1), (-1, -1), (0, -1), (1, -1), (2, -1), (-2, 0), (-1, 0)];
 
 /// The source in the training picture of each wanted pixel of `target`.
 pub(super) fn sources(
@@ -61,7 +49,10 @@ pub(super) fn sources(
         };
         let scan = Scan {
             sharp,
-            neighbourhoods: (0..sharp.colours.len()).into_par_iter().map(|pixel| blurred.around(sharp, pixel)).collect(),
+            neighbourhoods: (0..sharp.colours.len())
+                .into_par_iter()
+                .map(|pixel| blurred.around(sharp, pixel))
+                .collect(),
             known,
             penalty: 1.0 + coherence * 0.5_f32.powi(number as i32),
         };

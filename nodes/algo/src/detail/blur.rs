@@ -80,11 +80,6 @@ impl LocalBlur {
         Self { width, parts: (0..steps.len()).map(share).collect() }
     }
 
-    /// How many Gaussians are mixed.
-    pub fn parts(&self) -> usize {
-        self.parts.len()
-    }
-
     /// The plane as the blur leaves it; 0 where no variance is known.
     pub fn apply(&self, plane: &[f32], watch: Watch) -> Result<Vec<f32>, Interrupted> {
         let mut out = vec![0.0; plane.len()];

@@ -9,6 +9,9 @@ use super::similar::{Level, SimilarSets};
 use super::tree::Tree;
 use crate::{Interrupted, Watch};
 
+/// Bytes per pixel of the training picture: blurred planes, their colours and looks, and a tree of these.
+pub(super) const BYTES: usize = 12 + 16 + 2 * size_of::<Look>() + 5;
+
 /// How often every pixel of a level chooses anew.
 const PASSES: usize = 2;
 
@@ -24,7 +27,8 @@ pub(super) fn sources(
     let training = pyramid(blurred, sets.width, sets.height, count);
     let constraint = pyramid(&target.planes, target.width, target.height, count);
     let mut coarser: Option<Chosen> = None;
-    for (number, ((level, training), constraint)) in sets.levels.iter().zip(training).zip(constraint).enumerate().rev() {
+    for (number, ((level, training), constraint)) in sets.levels.iter().zip(training).zip(constraint).enumerate().rev()
+    {
         watch.progress(0.25_f64.powi(number as i32 + 1))?;
         let matching = Matching {
             level,
@@ -63,8 +67,19 @@ struct Chosen {
     training_width: usize,
 }
 
+impl Chosen {
+    /// The source on the finer level of the pixel there at (x, y), by what its pixel on this level has chosen.
+    fn finer(&self, x: usize, y: usize, training: &Picture) -> Option<u32> {
+        let source = self.sources[y / 2 * self.picture.width + x / 2]? as usize;
+        let [across, down] = [source % self.training_width, source / self.training_width];
+        let across = (2 * across + x % 2).min(training.width - 1);
+        let down = (2 * down + y % 2).min(training.height - 1);
+        Some((down * training.width + across) as u32)
+    }
+}
+
 impl Matching<'_> {
-    /// What the coarser level says, or the warp, or the constraint alone.
+    /// What the coarser level or the warp says, whichever is more alike; else what the constraint alone says.
     fn begin(
         &self,
         target: &Target,
@@ -83,20 +98,16 @@ impl Matching<'_> {
             })
         };
         let tried: Vec<Option<[u32; 2]>> = (0..picture.colours.len()).into_par_iter().map(tried).collect();
-        let finer = |pixel: usize| {
-            let [start, near] = tried[pixel]?;
-            let Some(coarser) = &coarser else {
-                let [by_warp, by_look] = [start, near].map(|source| self.unlike(pixel, source));
-                return Some(if by_warp <= self.penalty * by_look { start } else { near });
-            };
+        let first = |pixel: usize| {
             let [x, y] = [pixel % picture.width, pixel / picture.width];
-            let source = coarser.sources[y / 2 * coarser.picture.width + x / 2]? as usize;
-            let [from_x, from_y] = [source % coarser.training_width, source / coarser.training_width];
-            let from_x = (2 * from_x + x % 2).min(training.width - 1);
-            let from_y = (2 * from_y + y % 2).min(training.height - 1);
-            Some((from_y * training.width + from_x) as u32)
+            let [_, near] = tried[pixel]?;
+            let by_warp = target.start(x, y, number, training);
+            let finer = coarser.as_ref().and_then(|coarser| coarser.finer(x, y, training));
+            let of_both = finer.into_iter().chain(by_warp).map(|source| (self.unlike(pixel, source), source));
+            let best = of_both.fold((f32::INFINITY, near), |a, b| if b.0 < a.0 { b } else { a });
+            Some(best.1)
         };
-        let sources: Vec<Option<u32>> = (0..tried.len()).into_par_iter().map(finer).collect();
+        let sources: Vec<Option<u32>> = (0..tried.len()).into_par_iter().map(first).collect();
         for (colour, source) in picture.colours.iter_mut().zip(&sources) {
             *colour = source.map_or(*colour, |source| training.colours[source as usize]);
         }
@@ -155,5 +166,4 @@ impl Matching<'_> {
 }
 
 /// A pixel's neighbours and itself.
-const NEIGHBOURS: [(isize, isize); 9] =
-    [(0, 0), (-1, -1), (0, -1), (1, -1), (-1, 0), (1, 0), (-1, 1), (0, 1), (1, 1)];
+const NEIGHBOURS: [(isize, isize); 9] = [(0, 0), (-1, -1), (0, -1), (1, -1), (-1, 0), (1, 0), (-1, 1), (0, 1), (1, 1)];

@@ -53,7 +53,8 @@ pub(super) fn ring(picture: &Picture, x: usize, y: usize) -> Look {
     let xs = [mirrored(x as isize - 1, picture.width), x, mirrored(x as isize + 1, picture.width)];
     let rows = [mirrored(y as isize - 1, picture.height), y, mirrored(y as isize + 1, picture.height)];
     let [above, here, below] = rows.map(|y| picture.row(y));
-    let ring = [above[xs[0]], above[xs[1]], above[xs[2]], here[xs[0]], here[xs[2]], below[xs[0]], below[xs[1]], below[xs[2]]];
+    let ring =
+        [above[xs[0]], above[xs[1]], above[xs[2]], here[xs[0]], here[xs[2]], below[xs[0]], below[xs[1]], below[xs[2]]];
     ring.map(|colour| RING * colour[0])
 }
 

@@ -65,10 +65,8 @@ pub struct Detailed {
     pub residual: [f64; 2],
 }
 
-/// Bytes per pixel: of the training picture, of the part of the picture that is magnified, and per part of its blur.
-const TRAINING_BYTES: usize = 12 + 16 * 4 / 3 + 32 + 68;
-const PICTURE_BYTES: usize = 80 + 32 + 36;
-const PART_BYTES: usize = 4;
+/// Bytes per pixel of the part of the picture that is magnified.
+const PICTURE_BYTES: usize = 110;
 
 /// Gives a warped picture the detail that its magnification lacks.
 ///
@@ -119,9 +117,11 @@ pub fn detail(
     if sets.levels.is_empty() {
         return Ok(Detailed::default());
     }
-    let analogies = if settings.method == Method::Analogies { analogies::BYTES } else { 0 };
-    watch.reserve(sets.width * sets.height * (TRAINING_BYTES + analogies))?;
-    watch.reserve(frame.width() * frame.height() * PICTURE_BYTES)?;
+    let per_training_pixel = match settings.method {
+        Method::Coherent => coherent::BYTES,
+        Method::Analogies => analogies::BYTES,
+    };
+    watch.reserve(sets.width * sets.height * per_training_pixel + frame.width() * frame.height() * PICTURE_BYTES)?;
     let target = Target::new(sets, picture, magnification, origins, settings.blur, frame, watch)?;
     let [r, g, b] = sets.planes.each_ref().map(|plane| blur::blurred(plane, sets.width, target.variance, watch));
     let (blurred, coherence) = ([r?, g?, b?], settings.coherence as f32);

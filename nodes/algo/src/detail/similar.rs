@@ -12,9 +12,9 @@ use crate::{Interrupted, Watch};
 /// Members of a set lie at least this far, px, from its pixel and from each other.
 const APART: usize = 3;
 
-/// Bytes per pixel of the training picture that the sets take, and that making them takes besides.
-const BYTES_KEPT: usize = 12 + (16 + 32 + 8) * 4 / 3;
-const BYTES_MAKING: usize = 32 + 36 + 2 * 32;
+/// Bytes per pixel while the finest level is made: planes, the pyramid's colours, looks and their tree, two lists of
+/// members.
+const BYTES: usize = 12 + 16 * 4 / 3 + 2 * size_of::<Look>() + 5 + 2 * size_of::<[Member; 2]>();
 
 /// A training picture as [`detail`](super::detail) needs it.
 pub struct SimilarSets {
@@ -75,7 +75,7 @@ pub fn similar_sets(
     assert!(levels > 0, "at least one level");
     let (width, height) = (planes[0].width(), planes[0].height());
     assert!(planes.iter().all(|plane| (plane.width(), plane.height()) == (width, height)), "planes of one size");
-    watch.reserve(width * height * (BYTES_KEPT + BYTES_MAKING))?;
+    watch.reserve(width * height * BYTES)?;
     let planes = encoding.planes(planes, watch)?;
     let empty = width == 0 || height == 0;
     let pictures = if empty { Vec::new() } else { pyramid(&planes, width, height, levels) };
@@ -107,8 +107,9 @@ fn similar(picture: &Picture, watch: Watch) -> Result<Vec<[u32; 2]>, Interrupted
             }
         })
     });
+    let by_leaf: Vec<[Member; 2]> = leaves.collect();
     let mut found = vec![[(0.0, 0); 2]; looks.len()];
-    for (set, &pixel) in leaves.collect::<Vec<_>>().into_iter().zip(&tree.order) {
+    for (set, &pixel) in by_leaf.into_iter().zip(&tree.order) {
         found[pixel as usize] = set;
     }
     drop(tree);
@@ -118,7 +119,8 @@ fn similar(picture: &Picture, watch: Watch) -> Result<Vec<[u32; 2]>, Interrupted
         members.extend(found[pixel]);
         for (dx, dy) in [(-1, 0), (1, 0), (0, -1), (0, 1)] {
             let sets = picture.beside(pixel, dx, dy).map(|beside| found[beside]);
-            let shifted = sets.into_iter().flatten().filter_map(|(_, member)| picture.beside(member as usize, -dx, -dy));
+            let shifted =
+                sets.into_iter().flatten().filter_map(|(_, member)| picture.beside(member as usize, -dx, -dy));
             members.extend(shifted.map(|member| (distance(&looks[pixel], &looks[member]), member as u32)));
         }
         two(picture, pixel as u32, members).map(|(_, member)| member)

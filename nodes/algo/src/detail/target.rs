@@ -36,14 +36,15 @@ pub fn magnification(sources: &Positions, width: usize, watch: Watch) -> Result<
     out.par_chunks_mut(width.max(1)).enumerate().try_for_each(|(y, out)| {
         for (x, out) in out.iter_mut().enumerate() {
             let pixel = y * width + x;
+            let known = |pixel: usize| sources.x[pixel].is_finite() && sources.y[pixel].is_finite();
             let [dx, dy] = [(x, 1, width), (y, width, height)].map(|(at, step, count)| {
-                let known = |pixel: usize| sources.x[pixel].is_finite() && sources.y[pixel].is_finite();
-                let (low, high) = (pixel - if at > 0 { step } else { 0 }, pixel + if at + 1 < count { step } else { 0 });
-                let (low, high) = (if known(low) { low } else { pixel }, if known(high) { high } else { pixel });
+                let low = if at > 0 && known(pixel - step) { pixel - step } else { pixel };
+                let high = if at + 1 < count && known(pixel + step) { pixel + step } else { pixel };
                 let steps = ((high - low) / step) as f64;
                 [(sources.x[high] - sources.x[low]) / steps, (sources.y[high] - sources.y[low]) / steps]
             });
-            *out = (1.0 / (dx[0] * dy[1] - dx[1] * dy[0]).abs()) as f32;
+            let area = 1.0 / (dx[0] * dy[1] - dx[1] * dy[0]).abs();
+            *out = if known(pixel) { area as f32 } else { f32::NAN };
         }
         watch.go_on()
     })?;
@@ -156,7 +157,6 @@ impl Target {
         watch: Watch,
     ) -> Result<[f64; 2], Interrupted> {
         let blur = LocalBlur::new(self.width, &self.variances);
-        watch.reserve(self.weights.len() * blur.parts() * super::PART_BYTES)?;
         let mut sums = [0.0; 2];
         for channel in 0..3 {
             let (constraint, training) = (&self.planes[channel], &sets.planes[channel]);
