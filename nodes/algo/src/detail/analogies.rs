@@ -29,9 +29,9 @@ pub(super) fn sources(
     watch: Watch,
 ) -> Result<Vec<Option<u32>>, Interrupted> {
     let count = sets.levels.len();
-    let training = pyramid(blurred, sets.width, sets.height, count);
-    let constraint = pyramid(&target.planes, target.width, target.height, count);
-    let mut filtered = pyramid(&target.planes, target.width, target.height, count);
+    let training = pyramid(blurred, sets.width, sets.height, count, watch)?;
+    let constraint = pyramid(&target.planes, target.width, target.height, count, watch)?;
+    let mut filtered = pyramid(&target.planes, target.width, target.height, count, watch)?;
     let weights = Weights::new();
     let mut sources = Vec::new();
     for number in (0..count).rev() {
@@ -56,8 +56,9 @@ pub(super) fn sources(
             known,
             penalty: 1.0 + coherence * 0.5_f32.powi(number as i32),
         };
+        let tree = Tree::new(&scan.neighbourhoods, watch)?;
         let wanted = |x, y| target.is_wanted(x, y, number);
-        sources = scan.run(&mut finer[number], wanted, &|part| {
+        sources = scan.run(&tree, &mut finer[number], wanted, &|part| {
             watch.progress(0.25_f64.powi(number as i32) * (0.25 + 0.75 * part))
         })?;
     }
@@ -130,11 +131,11 @@ struct Scan<'a> {
 impl Scan<'_> {
     fn run(
         &self,
+        tree: &Tree<NUMBERS>,
         filtered: &mut Picture,
         wanted: impl Fn(usize, usize) -> bool,
         progress: &dyn Fn(f64) -> Result<(), Interrupted>,
     ) -> Result<Vec<Option<u32>>, Interrupted> {
-        let tree = Tree::new(&self.neighbourhoods);
         let mut sources = vec![None; filtered.colours.len()];
         for y in 0..filtered.height {
             progress(y as f64 / filtered.height as f64)?;

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::Target;
 use super::look::{Look, distance, ring, smooth};
-use super::picture::{Picture, pyramid};
+use super::picture::{Picture, each, pyramid};
 use super::similar::{Level, SimilarSets};
 use super::tree::Tree;
 use crate::{Interrupted, Watch};
@@ -24,16 +24,16 @@ pub(super) fn sources(
     watch: Watch,
 ) -> Result<Vec<Option<u32>>, Interrupted> {
     let count = sets.levels.len();
-    let training = pyramid(blurred, sets.width, sets.height, count);
-    let constraint = pyramid(&target.planes, target.width, target.height, count);
+    let training = pyramid(blurred, sets.width, sets.height, count, watch)?;
+    let constraint = pyramid(&target.planes, target.width, target.height, count, watch)?;
     let mut coarser: Option<Chosen> = None;
     for (number, ((level, training), constraint)) in sets.levels.iter().zip(training).zip(constraint).enumerate().rev()
     {
         watch.progress(0.25_f64.powi(number as i32 + 1))?;
         let matching = Matching {
             level,
-            training: smooth(&training),
-            constraint: smooth(&constraint),
+            training: smooth(&training, watch)?,
+            constraint: smooth(&constraint, watch)?,
             penalty: 1.0 + coherence * 0.5_f32.powi(number as i32),
         };
         let mut chosen = matching.begin(target, number, constraint, coarser, watch)?;
@@ -88,18 +88,18 @@ impl Matching<'_> {
         coarser: Option<Chosen>,
         watch: Watch,
     ) -> Result<Chosen, Interrupted> {
-        let (tree, training) = (Tree::new(&self.training), &self.level.picture);
-        watch.go_on()?;
+        let (tree, training) = (Tree::new(&self.training, watch)?, &self.level.picture);
+        let (width, height) = (picture.width, picture.height);
         let tried = |pixel: usize| {
-            let [x, y] = [pixel % picture.width, pixel / picture.width];
+            let [x, y] = [pixel % width, pixel / width];
             target.is_wanted(x, y, number).then(|| {
                 let near = tree.near(&self.constraint[pixel]);
                 [target.start(x, y, number, training).unwrap_or(near), near]
             })
         };
-        let tried: Vec<Option<[u32; 2]>> = (0..picture.colours.len()).into_par_iter().map(tried).collect();
+        let tried: Vec<Option<[u32; 2]>> = each(width, height, watch, tried)?;
         let first = |pixel: usize| {
-            let [x, y] = [pixel % picture.width, pixel / picture.width];
+            let [x, y] = [pixel % width, pixel / width];
             let [_, near] = tried[pixel]?;
             let by_warp = target.start(x, y, number, training);
             let finer = coarser.as_ref().and_then(|coarser| coarser.finer(x, y, training));
@@ -107,7 +107,7 @@ impl Matching<'_> {
             let best = of_both.fold((f32::INFINITY, near), |a, b| if b.0 < a.0 { b } else { a });
             Some(best.1)
         };
-        let sources: Vec<Option<u32>> = (0..tried.len()).into_par_iter().map(first).collect();
+        let sources = each(width, height, watch, first)?;
         for (colour, source) in picture.colours.iter_mut().zip(&sources) {
             *colour = source.map_or(*colour, |source| training.colours[source as usize]);
         }

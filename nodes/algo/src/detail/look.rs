@@ -2,7 +2,8 @@
 
 use rayon::prelude::*;
 
-use super::picture::{Picture, mirrored};
+use super::picture::{Picture, each, mirrored};
+use crate::{Interrupted, Watch};
 
 /// Eight numbers; how unlike two surroundings are is the sum of their squared differences.
 pub(super) type Look = [f32; 8];
@@ -23,10 +24,10 @@ const OF: [usize; 8] = [0, 0, 0, 0, 0, 0, 1, 2];
 const RING: f32 = 0.547_722_6;
 
 /// The smooth look of 5 x 5 pixels around each: the six lowest frequencies of luma, the means of the colour differences.
-pub(super) fn smooth(picture: &Picture) -> Vec<Look> {
+pub(super) fn smooth(picture: &Picture, watch: Watch) -> Result<Vec<Look>, Interrupted> {
     let (width, height) = (picture.width, picture.height);
     let mut looks = vec![[0.0; 8]; width * height];
-    looks.par_chunks_mut(width.max(1)).enumerate().for_each(|(y, out)| {
+    looks.par_chunks_mut(width.max(1)).enumerate().try_for_each(|(y, out)| {
         let mut columns = vec![[0.0; 8]; width];
         for tap in 0..5 {
             let row = picture.row(mirrored((y + tap) as isize - 2, height));
@@ -44,8 +45,9 @@ pub(super) fn smooth(picture: &Picture) -> Vec<Look> {
                 }
             }
         }
-    });
-    looks
+        watch.go_on()
+    })?;
+    Ok(looks)
 }
 
 /// The sharp look of a pixel's eight neighbours: their luma.
@@ -59,9 +61,9 @@ pub(super) fn ring(picture: &Picture, x: usize, y: usize) -> Look {
 }
 
 /// The rings of all pixels.
-pub(super) fn rings(picture: &Picture) -> Vec<Look> {
+pub(super) fn rings(picture: &Picture, watch: Watch) -> Result<Vec<Look>, Interrupted> {
     let ring = |pixel| ring(picture, pixel % picture.width, pixel / picture.width);
-    (0..picture.colours.len()).into_par_iter().map(ring).collect()
+    each(picture.width, picture.height, watch, ring)
 }
 
 /// The sum of squared differences, in four lanes that are added at the end.

@@ -13,6 +13,21 @@ pub(super) type Colour = [f32; 4];
 /// Samples beyond this are taken for it, so that sums of squares stay finite.
 const FARTHEST: f32 = 1e9;
 
+/// A value for each pixel, rows side by side.
+pub(super) fn each<T: Clone + Default + Send>(
+    width: usize,
+    height: usize,
+    watch: Watch,
+    value: impl Fn(usize) -> T + Sync,
+) -> Result<Vec<T>, Interrupted> {
+    let mut out = vec![T::default(); width * height];
+    out.par_chunks_mut(width.max(1)).enumerate().try_for_each(|(y, row)| {
+        row.iter_mut().enumerate().for_each(|(x, out)| *out = value(y * width + x));
+        watch.go_on()
+    })?;
+    Ok(out)
+}
+
 /// Weights of a pyramid's next level.
 const BINOMIAL: [f32; 5] = [1.0 / 16.0, 4.0 / 16.0, 6.0 / 16.0, 4.0 / 16.0, 1.0 / 16.0];
 
@@ -69,20 +84,20 @@ pub(super) struct Picture {
 
 impl Picture {
     /// The colours of encoded planes.
-    fn of(planes: &[Vec<f32>; 3], width: usize, height: usize) -> Self {
+    fn of(planes: &[Vec<f32>; 3], width: usize, height: usize, watch: Watch) -> Result<Self, Interrupted> {
         let colour = |pixel: usize| {
             let [r, g, b] = [0, 1, 2].map(|channel| planes[channel][pixel]);
             let luma = 0.2126 * r + 0.7152 * g + 0.0722 * b;
             [luma, r - luma, b - luma, 0.0]
         };
-        Self { width, height, colours: (0..width * height).into_par_iter().map(colour).collect() }
+        Ok(Self { width, height, colours: each(width, height, watch, colour)? })
     }
 
     /// Every other pixel of every other row, after the binomial filter of five taps along both axes.
-    fn halved(&self) -> Self {
+    fn halved(&self, watch: Watch) -> Result<Self, Interrupted> {
         let (width, height) = (self.width.div_ceil(2), self.height.div_ceil(2));
         let mut colours = vec![[0.0; 4]; width * height];
-        colours.par_chunks_mut(width).enumerate().for_each(|(y, out)| {
+        colours.par_chunks_mut(width).enumerate().try_for_each(|(y, out)| {
             let mut rows = vec![[0.0; 4]; self.width];
             for (tap, weight) in BINOMIAL.into_iter().enumerate() {
                 let row = self.row(mirrored((2 * y + tap) as isize - 2, self.height));
@@ -93,8 +108,9 @@ impl Picture {
                     add(out, weight, &rows[mirrored((2 * x + tap) as isize - 2, self.width)]);
                 }
             }
-        });
-        Self { width, height, colours }
+            watch.go_on()
+        })?;
+        Ok(Self { width, height, colours })
     }
 
     /// A row's colours.
@@ -126,10 +142,17 @@ fn add<const N: usize>(sum: &mut [f32; N], weight: f32, values: &[f32; N]) {
 }
 
 /// The picture of encoded planes, finest first, each level half of the one before.
-pub(super) fn pyramid(planes: &[Vec<f32>; 3], width: usize, height: usize, levels: usize) -> Vec<Picture> {
-    let mut pyramid = vec![Picture::of(planes, width, height)];
+pub(super) fn pyramid(
+    planes: &[Vec<f32>; 3],
+    width: usize,
+    height: usize,
+    levels: usize,
+    watch: Watch,
+) -> Result<Vec<Picture>, Interrupted> {
+    let mut pyramid = vec![Picture::of(planes, width, height, watch)?];
     while pyramid.len() < levels {
-        pyramid.extend(pyramid.last().map(Picture::halved));
+        let next = pyramid[pyramid.len() - 1].halved(watch)?;
+        pyramid.push(next);
     }
-    pyramid
+    Ok(pyramid)
 }

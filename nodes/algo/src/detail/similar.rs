@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::Encoding;
 use super::look::{Look, distance, rings, smooth};
-use super::picture::{Picture, pyramid};
+use super::picture::{Picture, each, pyramid};
 use super::tree::Tree;
 use crate::view::View;
 use crate::{Interrupted, Watch};
@@ -78,11 +78,11 @@ pub fn similar_sets(
     watch.reserve(width * height * BYTES)?;
     let planes = encoding.planes(planes, watch)?;
     let empty = width == 0 || height == 0;
-    let pictures = if empty { Vec::new() } else { pyramid(&planes, width, height, levels) };
+    let pictures = if empty { Vec::new() } else { pyramid(&planes, width, height, levels, watch)? };
     let mut levels = Vec::new();
     for (number, picture) in pictures.into_iter().enumerate() {
         watch.progress(1.0 - 0.25_f64.powi(number as i32))?;
-        let (similar, rings) = (similar(&picture, watch)?, rings(&picture));
+        let (similar, rings) = (similar(&picture, watch)?, rings(&picture, watch)?);
         levels.push(Level { picture, rings, similar });
     }
     Ok(SimilarSets { encoding, width, height, planes, levels })
@@ -93,27 +93,23 @@ type Member = (f32, u32);
 
 /// Every pixel's similar set.
 fn similar(picture: &Picture, watch: Watch) -> Result<Vec<[u32; 2]>, Interrupted> {
-    let looks = smooth(picture);
-    watch.go_on()?;
-    let tree = Tree::new(&looks);
-    watch.go_on()?;
-    let leaves = (0..tree.leaf_count()).into_par_iter().flat_map_iter(|number| {
+    let looks = smooth(picture, watch)?;
+    let tree = Tree::new(&looks, watch)?;
+    let in_leaf = |number: usize| {
         let leaf = tree.leaf(number);
-        leaf.clone().map({
-            let tree = &tree;
-            move |i| {
-                let members = leaf.clone().map(|j| (distance(&tree.points[i], &tree.points[j]), tree.order[j]));
-                two(picture, tree.order[i], members.collect())
-            }
-        })
-    });
-    let by_leaf: Vec<[Member; 2]> = leaves.collect();
+        let of_pixel = |i: usize| {
+            let members = leaf.clone().map(|j| (distance(&tree.points[i], &tree.points[j]), tree.order[j]));
+            two(picture, tree.order[i], members.collect())
+        };
+        watch.go_on().map(|()| leaf.clone().map(of_pixel).collect())
+    };
+    let by_leaf: Vec<Vec<[Member; 2]>> =
+        (0..tree.leaf_count()).into_par_iter().map(in_leaf).collect::<Result<_, Interrupted>>()?;
     let mut found = vec![[(0.0, 0); 2]; looks.len()];
-    for (set, &pixel) in by_leaf.into_iter().zip(&tree.order) {
+    for (set, &pixel) in by_leaf.into_iter().flatten().zip(&tree.order) {
         found[pixel as usize] = set;
     }
     drop(tree);
-    watch.go_on()?;
     let spread = |pixel: usize| {
         let mut members = Vec::with_capacity(10);
         members.extend(found[pixel]);
@@ -125,7 +121,7 @@ fn similar(picture: &Picture, watch: Watch) -> Result<Vec<[u32; 2]>, Interrupted
         }
         two(picture, pixel as u32, members).map(|(_, member)| member)
     };
-    Ok((0..looks.len()).into_par_iter().map(spread).collect())
+    each(picture.width, picture.height, watch, spread)
 }
 
 /// The first and second of some members that lie apart from a pixel and each other; the pixel where there is none.

@@ -294,7 +294,7 @@ fn sets_hold_similar_pixels() {
 #[test]
 fn the_tree_finds_what_is_near() {
     let points: Vec<[f32; 8]> = (0..3000).map(|i| std::array::from_fn(|axis| noise(axis, i % 1000, 3))).collect();
-    let tree = Tree::new(&points);
+    let tree = Tree::new(&points, UNWATCHED).expect("nobody stops it");
     let mut leaves = 0;
     for number in 0..tree.leaf_count() {
         leaves += tree.leaf(number).len();

@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use super::look::distance;
+use crate::{Interrupted, Watch};
 
 /// Points that a leaf holds at most, but for one.
 const LEAF: usize = 24;
@@ -33,16 +34,16 @@ pub(super) struct Tree<const D: usize> {
 
 impl<const D: usize> Tree<D> {
     /// The tree of some points, all finite.
-    pub fn new(points: &[[f32; D]]) -> Self {
+    pub fn new(points: &[[f32; D]], watch: Watch) -> Result<Self, Interrupted> {
         let mut depth = 0;
         while points.len() >> depth > LEAF {
             depth += 1;
         }
         let mut order: Vec<u32> = (0..points.len() as u32).collect();
         let mut cuts = vec![Cut::default(); (1 << depth) - 1];
-        cut(points, &mut order, &mut cuts);
+        cut(points, &mut order, &mut cuts, watch)?;
         let points = order.iter().map(|&number| points[number as usize]).collect();
-        Self { cuts, depth, order, points }
+        Ok(Self { cuts, depth, order, points })
     }
 
     /// How many leaves there are.
@@ -114,9 +115,14 @@ fn half(range: Range<usize>, upper: bool) -> Range<usize> {
 }
 
 /// Orders points so that each half lies on one side of its cut.
-fn cut<const D: usize>(points: &[[f32; D]], order: &mut [u32], cuts: &mut [Cut]) {
+fn cut<const D: usize>(
+    points: &[[f32; D]],
+    order: &mut [u32],
+    cuts: &mut [Cut],
+    watch: Watch,
+) -> Result<(), Interrupted> {
     let Some((first, rest)) = cuts.split_first_mut() else {
-        return;
+        return Ok(());
     };
     let axis = widest(points, order);
     let coordinate = |number: u32| points[number as usize][axis];
@@ -126,10 +132,13 @@ fn cut<const D: usize>(points: &[[f32; D]], order: &mut [u32], cuts: &mut [Cut])
     let shared = order.len() > SHARED;
     let ((lower, upper), (lower_cuts, upper_cuts)) = (order.split_at_mut(middle), rest.split_at_mut(rest.len() / 2));
     if shared {
-        rayon::join(|| cut(points, lower, lower_cuts), || cut(points, upper, upper_cuts));
+        watch.go_on()?;
+        let lower = || cut(points, lower, lower_cuts, watch);
+        let (lower, upper) = rayon::join(lower, || cut(points, upper, upper_cuts, watch));
+        lower.and(upper)
     } else {
-        cut(points, lower, lower_cuts);
-        cut(points, upper, upper_cuts);
+        cut(points, lower, lower_cuts, watch)?;
+        cut(points, upper, upper_cuts, watch)
     }
 }
 
