@@ -3,6 +3,7 @@
 
 mod adapt;
 pub mod card;
+pub mod detail;
 pub mod feature;
 pub mod grid;
 pub mod handles;
@@ -31,6 +32,7 @@ pub const NODES: &[Definition] = &[
     def::<warp::Compose>("Compose"),
     def::<card::Constant>("Constant"),
     def::<mesh::Cylinder>("Cylinder"),
+    def::<detail::Detail>("Detail"),
     def::<image::Difference>("Difference"),
     def::<image::DrawGrid>("DrawGrid"),
     def::<feature::FeatureFactor>("FeatureFactor"),
@@ -62,6 +64,7 @@ pub const NODES: &[Definition] = &[
     def::<io::SaveWarp>("SaveWarp"),
     def::<warp::ShellLower>("ShellLower"),
     def::<warp::ShellUpper>("ShellUpper"),
+    def::<detail::SimilarSets>("SimilarSets"),
     def::<mesh::Sphere>("Sphere"),
     def::<warp::Squeeze>("Squeeze"),
     def::<warp::Stretch>("Stretch"),

@@ -165,6 +165,9 @@ pub fn cases() -> Vec<Case> {
         r#"Components(mask: "a.dots", connectivity: Four)"#,
         r#"Compose(first: "wave", second: "bent")"#,
         r#"Compose(first: "bent", second: "fine")"#,
+        r#"Detail(image: "drawn", warp: "larger", sets: "sets")"#,
+        r#"Detail(image: "a.image", warp: "wave", sets: "small_sets")"#,
+        r#"Detail(image: "small", warp: "larger", sets: "small_sets", method: Analogies)"#,
         r#"Difference(a: "a.image", b: "b.image")"#,
         r#"DrawGrid(image: "a.image", warp: "wave", every: 1)"#,
         r#"FeatureFactor(grid: "coarse", features: "labels")"#,
@@ -192,6 +195,8 @@ pub fn cases() -> Vec<Case> {
         r#"Resample(image: "a.image", warp: "tiny", filter: Ewa)"#,
         r#"Resample(image: "labels", warp: "wave")"#,
         r#"Resample(image: "specks", warp: "wave")"#,
+        r#"SimilarSets(image: "a.image")"#,
+        r#"SimilarSets(image: "a.image", encoding: Linear, levels: 1)"#,
         r#"Threshold(image: "a.image", channel: "luma", above: 0.3)"#,
         r#"Threshold(image: "a.image", channel: "G", above: 0.3)"#,
     ];
@@ -281,6 +286,10 @@ pub fn run(
     "pins": HandleFactor(grid: "coarse"),
     "ball": Sphere(segments: 400, rings: 300),
     "small": Checker(size: (64, 48)),
+    "larger": Affine(grid: "grid", scale: (1.5, 1.5)),
+    "drawn": Resample(image: "a.image", warp: "larger", crop: true),
+    "sets": SimilarSets(image: "a.image"),
+    "small_sets": SimilarSets(image: "small"),
     "it": {text},
 }})"#
     );
