@@ -62,7 +62,8 @@ fn refusal(error: feature::Error, grid: &Grid, at_work: AtWork) -> NodeError {
             NodeError::refused("the system is not positive definite in double precision").hint("use a smaller weight")
         }
         feature::Error::Poisson(Solver::Inaccurate { residual }) => {
-            let message = format!("in double precision the solution keeps a relative residual of {residual:e}, too large");
+            let message =
+                format!("in double precision the solution keeps a relative residual of {residual:e}, too large");
             NodeError::refused(message).hint("use a smaller weight")
         }
     }

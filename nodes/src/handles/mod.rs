@@ -23,11 +23,15 @@ fn refusal(error: Error, grid: &Grid, at_work: AtWork) -> NodeError {
             NodeError::refused("the targets lie so far away that positions overflow").hint("move them nearer")
         }
         Error::Inaccurate { residual } => {
-            let message = format!("in double precision the solution keeps a relative residual of {residual:e}, too large");
+            let message =
+                format!("in double precision the solution keeps a relative residual of {residual:e}, too large");
             NodeError::refused(message).hint(squarer)
         }
         Error::NotPositiveDefinite => {
-            let message = format!("of the lattice ({}), the system is not positive definite in double precision", described(grid));
+            let message = format!(
+                "of the lattice ({}), the system is not positive definite in double precision",
+                described(grid)
+            );
             NodeError::refused(message).hint(squarer)
         }
         Error::NotFinite { .. } | Error::Outside { .. } | Error::Contradiction { .. } => {

@@ -238,7 +238,10 @@ mod tests {
             assert!(goal(turned).is_ok(), "{turned:?}");
         }
         // Two corners in one place.
-        assert_eq!(goal([corners[0], corners[0], corners[1], corners[2]]), Err(PerspectiveError::Degenerate { corner: 0 }));
+        assert_eq!(
+            goal([corners[0], corners[0], corners[1], corners[2]]),
+            Err(PerspectiveError::Degenerate { corner: 0 })
+        );
     }
 
     #[test]
