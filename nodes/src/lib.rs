@@ -10,6 +10,8 @@ pub mod image;
 pub mod io;
 pub mod mask;
 pub mod mesh;
+#[cfg(test)]
+mod refusals;
 pub mod time;
 pub mod warp;
 

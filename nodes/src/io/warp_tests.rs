@@ -15,7 +15,7 @@ use super::codec::{self, Compression, Depth, Encoding, WriteOptions};
 
 const PRESETS: [&str; 5] = ["NukeStMap", "NukeIDistort", "OiioStWarp", "BlenderMapUv", "BlenderDisplace"];
 
-fn folder() -> TempDir {
+pub(crate) fn folder() -> TempDir {
     tempfile::tempdir().expect("a folder")
 }
 
@@ -42,7 +42,8 @@ fn stat(report: &Report, name: &str) -> f64 {
     pair.stats.get(name).and_then(serde_json::Value::as_f64).unwrap_or_else(|| panic!("no {name} in {:?}", pair.stats))
 }
 
-fn fault(folder: &TempDir, nodes: &str) -> Fault {
+/// What the node `out` of a graph of these nodes is refused for.
+pub(crate) fn fault(folder: &TempDir, nodes: &str) -> Fault {
     let (report, _) = run(folder, nodes);
     let [fault] = &report.faults[..] else { panic!("one fault: {nodes}\n{:#?}", report.faults) };
     fault.clone()
