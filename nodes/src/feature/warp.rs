@@ -55,7 +55,8 @@ pub enum Mode {
 /// What features that are kept exactly do on a border that does not move freely.
 #[derive(Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub enum OnConflict {
-    /// Their nodes on the border stay with it; the others keep the shape.
+    /// Their nodes on the border stay with it; the others keep the shape. Cells that fold all the same are left to the
+    /// guard.
     #[default]
     NoFold,
     /// All their nodes keep the shape, on the border and in the lattice's corners too.
@@ -66,7 +67,7 @@ pub enum OnConflict {
 #[derive(Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub enum Guard {
     /// No: a warp that folds is repaired, for certain where the one to rectify does not fold and features may bend
-    /// (not with `KeepShape`); else `guard.reached` in the stats is false.
+    /// (exact ones may not with `KeepShape`); else `guard.reached` in the stats is false.
     #[default]
     Certified,
     /// Yes; folds are counted.
