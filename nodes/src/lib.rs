@@ -1,5 +1,5 @@
 //! The nodes of Warploom: thin adapters between the graph and `warploom-algo`. One node, one file
-//! (the nine bends share one); one list of all.
+//! (the bends share one); one list of all.
 
 mod adapt;
 pub mod card;
@@ -11,6 +11,8 @@ pub mod image;
 pub mod io;
 pub mod mask;
 pub mod mesh;
+#[cfg(test)]
+mod refusals;
 pub mod time;
 pub mod warp;
 

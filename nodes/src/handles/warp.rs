@@ -95,8 +95,10 @@ impl Node for Handles {
         };
         let at_work = watch(cx);
         let solved = handles::solve(solver, &dragged.handles, mode, &at_work);
-        let solved =
-            solved.map_err(|error| dragged.blame(&lattice, error).unwrap_or_else(|| super::refusal(error, at_work)))?;
+        let solved = solved.map_err(|error| {
+            let blamed = dragged.blame(&lattice, error);
+            blamed.unwrap_or_else(|| super::refusal(error, &factor.grid, at_work))
+        })?;
         let seconds = start.elapsed();
         Ok(crate::warp::certified(cx, &factor.grid, solved.positions)?
             .stat("unknowns", solver.unknowns())
@@ -167,6 +169,11 @@ impl Dragged {
             Error::Outside { index } => {
                 let (parameter, name) = self.item(index);
                 Some(outside(lattice, parameter, &format!("{name}.from"), self.handles[index].from))
+            }
+            Error::NotFinite { index } => {
+                let ((parameter, name), [x, y]) = (self.item(index), self.handles[index].to);
+                let message = format!("{name} goes to ({x}, {y}), which is not finite");
+                Some(NodeError::refused(message).at(parameter).hint("give it a finite target"))
             }
             Error::Contradiction { first, second } => {
                 let ((_, one), (parameter, other)) = (self.item(first), self.item(second));

@@ -1,4 +1,4 @@
-//! The bends: nine warps of one form, told apart by which edges they bow and how.
+//! The bends: warps of one form, told apart by which edges they bow and how. Some may lie along either axis.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -26,9 +26,12 @@ impl From<Orientation> for warp::Orientation {
     }
 }
 
-/// Declares a bend: what it does, its name, and what its main parameter says.
+/// Declares a bend: what it does, its name, what its main parameter says, and whether it may lie along either
+/// axis.
 macro_rules! bends {
-    ($($(#[$what:meta])* $name:ident { $(#[$how:meta])* bend })*) => {$(
+    (@orientation) => { warp::Orientation::Horizontal };
+    (@orientation $given:expr) => { $given.into() };
+    ($($(#[$what:meta])* $name:ident { $(#[$how:meta])* bend $(, $orientation:ident)? })*) => {$(
         $(#[$what])*
         #[derive(Serialize, Deserialize, JsonSchema, SmartDefault)]
         #[serde(default, deny_unknown_fields)]
@@ -39,8 +42,10 @@ macro_rules! bends {
             #[default(50.0)]
             #[schemars(range(min = -100.0, max = 100.0), extend("x-unit" = "percent"))]
             pub bend: f64,
-            /// Along which axis; upright exchanges up with left and down with right.
-            pub orientation: Orientation,
+            $(
+                /// Along which axis; upright exchanges up with left and down with right.
+                pub $orientation: Orientation,
+            )?
             /// How much taller the right end becomes than the middle.
             #[schemars(range(min = -100.0, max = 100.0), extend("x-unit" = "percent"))]
             pub horizontal_distortion: f64,
@@ -56,7 +61,7 @@ macro_rules! bends {
             fn compute(&self, cx: &Context) -> Result<Outputs, NodeError> {
                 let bend = Bend {
                     bend: self.bend,
-                    orientation: self.orientation.into(),
+                    orientation: bends!(@orientation $(self.$orientation)?),
                     horizontal_distortion: self.horizontal_distortion,
                     vertical_distortion: self.vertical_distortion,
                 };
@@ -72,46 +77,66 @@ bends! {
     /// Bows the lower edge; the upper one stays.
     ArcLower {
         /// How far, positive downwards.
-        bend
+        bend, orientation
     }
     /// Bows the upper edge; the lower one stays.
     ArcUpper {
         /// How far, positive upwards.
-        bend
+        bend, orientation
     }
     /// Shifts all rows along one arch; the left and right edges stay.
     Arch {
         /// How far, positive upwards.
-        bend
+        bend, orientation
     }
     /// Bows both long edges; the left and right ones stay.
     Bulge {
         /// How far, positive outwards.
-        bend
+        bend, orientation
     }
     /// Swells the left half to a body and pinches the right one before a tail.
     Fish {
         /// How far, positive with the body on the left.
+        bend, orientation
+    }
+    /// Magnifies the middle; the border stays.
+    Fisheye {
+        /// How far, positive enlarges.
         bend
     }
     /// Shifts all rows along one period of a sine wave, like a flag in the wind.
     Flag {
         /// How far, positive with the crest on the left.
+        bend, orientation
+    }
+    /// Bows all four edges; the corners stay.
+    Inflate {
+        /// How far, positive outwards.
         bend
     }
     /// Lets all rows rise from left to right along half a wave.
     Rise {
         /// How far, positive upwards.
-        bend
+        bend, orientation
     }
     /// Fans the lower edge out like a shell; the upper one stays.
     ShellLower {
         /// How far, positive outwards.
-        bend
+        bend, orientation
     }
     /// Fans the upper edge out like a shell; the lower one stays.
     ShellUpper {
         /// How far, positive outwards.
+        bend, orientation
+    }
+    /// Squeezes the left and right edges towards each other and bows the others outwards; the corners stay.
+    Squeeze {
+        /// How far, positive inwards.
+        bend, orientation
+    }
+    /// Turns the middle within the ellipse that touches the edges; the border stays.
+    Twist {
+        /// How far, positive clockwise, half a turn at 100.
         bend
     }
 }

@@ -6,38 +6,32 @@ mod bends;
 mod bezier_envelope;
 mod blend;
 mod compose;
-mod fisheye;
 mod free_lattice;
-mod inflate;
 mod invert;
 mod lens;
 mod perspective;
 mod ripple;
-mod squeeze;
 mod stretch;
 mod swirl;
 mod turbulence;
-mod twist;
 mod wave;
 
 pub use affine::Affine;
 pub use arc::Arc;
-pub use bends::{ArcLower, ArcUpper, Arch, Bulge, Fish, Flag, Rise, ShellLower, ShellUpper};
+pub use bends::{
+    ArcLower, ArcUpper, Arch, Bulge, Fish, Fisheye, Flag, Inflate, Rise, ShellLower, ShellUpper, Squeeze, Twist,
+};
 pub use bezier_envelope::BezierEnvelope;
 pub use blend::Blend;
 pub use compose::Compose;
-pub use fisheye::Fisheye;
 pub use free_lattice::{FreeLattice, Given};
-pub use inflate::Inflate;
 pub use invert::{Gives, Invert};
 pub use lens::Lens;
 pub use perspective::Perspective;
 pub use ripple::Ripple;
-pub use squeeze::Squeeze;
 pub use stretch::Stretch;
 pub use swirl::Swirl;
 pub use turbulence::Turbulence;
-pub use twist::Twist;
 pub use wave::Wave;
 
 use warploom_algo::lattice::{Lattice, Positions};
