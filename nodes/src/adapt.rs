@@ -7,7 +7,7 @@ use warploom_algo::rect::Rect as Window;
 use warploom_algo::view::{View, ViewMut};
 use warploom_algo::{Interrupted, Watch, Watcher};
 use warploom_core::node::{Context, ErrorClass, NodeError};
-use warploom_core::value::{Buffer, BufferMut, Grid, Rect, Sample, Warp};
+use warploom_core::value::{Buffer, BufferMut, Factor, Grid, Rect, Sample, Warp};
 
 pub fn view<T: Sample>(buffer: &Buffer<T>) -> View<'_, T> {
     View::new(buffer.samples(), buffer.width(), buffer.height(), buffer.stride())
@@ -41,6 +41,14 @@ pub fn check_lattice(warp: &Warp, port: &'static str, its: &Grid, partner: &str)
     }
     let message = format!("it is on another lattice ({}) than {partner} ({})", described(&warp.grid), described(its));
     Err(NodeError::refused(message).at(port).hint("feed both from one Lattice"))
+}
+
+/// The solver that a factor holds, if it is one of `maker`'s.
+pub fn solver<'a, T: 'static>(factor: &'a Factor, port: &'static str, maker: &str) -> Result<&'a T, NodeError> {
+    factor.solver.downcast_ref().ok_or_else(|| {
+        let message = format!("the factor is another solver's ({})", factor.summary["solver"]);
+        NodeError::refused(message).at(port).hint(format!("connect a {maker}"))
+    })
 }
 
 /// Why a solver did without an answer: the lattice needs more memory than there is, or more entries than it counts.

@@ -8,7 +8,7 @@ use warploom_algo::resample::{self, Map};
 use warploom_core::node::{Context, In, Node, NodeError, Output, Outputs};
 use warploom_core::value::{Channel, Direction, Factor, Image, Kind, Layer, Plane, Warp};
 
-use crate::adapt::{lattice, positions, view, view_mut, watched};
+use crate::adapt::{lattice, positions, solver, view, view_mut, watched};
 
 /// Gives a warped picture the detail that it lacks where the warp magnified it.
 ///
@@ -57,10 +57,7 @@ impl Node for Detail {
 
     fn compute(&self, cx: &Context) -> Result<Outputs, NodeError> {
         let (image, warp, factor) = (cx.get(&self.image), cx.get(&self.warp), cx.get(&self.sets));
-        let Some(sets) = factor.solver.downcast_ref::<SimilarSets>() else {
-            let message = format!("the factor is another solver's ({})", factor.summary["solver"]);
-            return Err(NodeError::refused(message).at("sets").hint("connect a SimilarSets"));
-        };
+        let sets: &SimilarSets = solver(&factor, "sets", "SimilarSets")?;
         let layer = image.primary();
         let (names, planes) = super::colour(layer)?;
         let (width, height) = (layer.data.width(), layer.data.height());

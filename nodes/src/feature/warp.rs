@@ -9,7 +9,7 @@ use warploom_core::node::{Context, In, Node, NodeError, Output, Outputs};
 use warploom_core::value::{Direction, Factor, Kind, Value, Warp};
 
 use super::Prepared;
-use crate::adapt::{check_lattice, positions, watch};
+use crate::adapt::{self, check_lattice, positions, watch};
 
 /// Makes a warp keep features in shape while the rest of the picture follows it (Gal, Sorkine, Cohen-Or 2006).
 ///
@@ -111,10 +111,7 @@ impl Node for FeatureWarp {
 
     fn compute(&self, cx: &Context) -> Result<Outputs, NodeError> {
         let (warp, factor) = (cx.get(&self.warp), cx.get(&self.factor));
-        let Some(Prepared { factor: solver, labels }) = factor.solver.downcast_ref() else {
-            let message = format!("the factor is another solver's ({})", factor.summary["solver"]);
-            return Err(NodeError::refused(message).at("factor").hint("connect a FeatureFactor"));
-        };
+        let Prepared { factor: solver, labels } = adapt::solver(&factor, "factor", "FeatureFactor")?;
         check_warp(&warp, &factor)?;
         super::check_labels(self.overrides.iter().map(|wish| wish.label), labels)?;
         let overrides: Vec<_> = self.overrides.iter().map(|&wish| feature::Override::from(wish)).collect();

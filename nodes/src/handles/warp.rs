@@ -8,7 +8,7 @@ use warploom_algo::lattice::Lattice;
 use warploom_core::node::{Context, In, Node, NodeError, Output, Outputs};
 use warploom_core::value::Factor;
 
-use crate::adapt::{lattice, watch};
+use crate::adapt::{self, lattice, watch};
 
 /// Drags points and curves of a lattice to new places; the rest follows and keeps its shape as well as it can.
 ///
@@ -82,10 +82,7 @@ impl Node for Handles {
 
     fn compute(&self, cx: &Context) -> Result<Outputs, NodeError> {
         let factor = cx.get(&self.factor);
-        let Some(solver) = factor.solver.downcast_ref::<handles::HandleFactor>() else {
-            let message = format!("the factor is another solver's ({})", factor.summary["solver"]);
-            return Err(NodeError::refused(message).at("factor").hint("connect a HandleFactor"));
-        };
+        let solver: &handles::HandleFactor = adapt::solver(&factor, "factor", "HandleFactor")?;
         let lattice = lattice(&factor.grid);
         let start = Instant::now();
         let dragged = self.dragged(&lattice)?;
