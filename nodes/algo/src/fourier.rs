@@ -65,12 +65,6 @@ impl Rows {
         Scratch { wave: vec![Complex64::default(); self.turns.len()], more: vec![Complex64::default(); more] }
     }
 
-    /// Bytes of [`scratch`](Self::scratch).
-    pub(crate) fn scratch_bytes(&self) -> usize {
-        let Scratch { wave, more } = self.scratch();
-        (wave.len() + more.len()) * size_of::<Complex64>()
-    }
-
     /// Calls `work` with every pair of rows, the last one alone if their count is odd.
     pub(crate) fn each_pair(&self, values: &mut [f64], work: impl Fn(usize, &mut [f64], &mut Scratch) + Sync) {
         let count = self.turns.len();

@@ -3,6 +3,7 @@
 use super::Moved;
 use super::means::resized;
 use crate::lattice::{Lattice, Positions};
+use crate::warp::certify;
 use crate::{Interrupted, Watch};
 
 /// Parameters of the relaxation; the default is the published one.
@@ -29,8 +30,9 @@ impl Default for Keahey {
 /// Cells along the shorter side of the coarsest lattice, at least.
 const COARSEST: usize = 4;
 
-/// Bytes per cell: areas of all levels, and weights, asked areas and positions of two.
-const BYTES_PER_CELL: usize = 7 * size_of::<f64>();
+/// Bytes per cell beside the areas and the positions that come out: those asked for, what they are at nodes, weights,
+/// and the coarser level.
+const BYTES_PER_CELL: usize = 4 * size_of::<f64>();
 
 /// Relaxes the lattice towards `areas`.
 ///
@@ -74,7 +76,8 @@ pub(super) fn keahey(
         moved = Some((here, net.positions));
     }
     let (_, positions) = moved.expect("there is one level at least");
-    Ok(Moved { positions, exponent: 1.0, steps })
+    let certificate = certify(lattice, &positions, watch)?;
+    Ok(Moved { positions, certificate, exponent: 1.0, steps })
 }
 
 /// A lattice at work.

@@ -15,7 +15,7 @@ pub use means::cell_means;
 pub use target::{FLOOR, Normalise};
 
 use crate::lattice::{Lattice, Positions};
-use crate::warp::{Certificate, certify};
+use crate::warp::Certificate;
 use crate::{Interrupted, Watch};
 
 /// How the lattice is moved.
@@ -111,9 +111,8 @@ pub fn magnify(lattice: &Lattice, wish: &Wish, watch: Watch) -> Result<Magnified
         Method::Transport => transport::transport(lattice, &areas, frame, watch)?,
         Method::Keahey(parameters) => keahey::keahey(lattice, &areas, &parameters, watch)?,
     };
-    let Moved { positions, exponent, steps } = moved;
+    let Moved { positions, certificate, exponent, steps } = moved;
     let areas::Score { largest_error, rms_error, total_area } = areas::score(lattice, &positions, &areas);
-    let certificate = certify(lattice, &positions, watch)?;
     Ok(Magnified {
         positions,
         mean,
@@ -131,6 +130,7 @@ pub fn magnify(lattice: &Lattice, wish: &Wish, watch: Watch) -> Result<Magnified
 /// What a method gives.
 struct Moved {
     positions: Positions,
+    certificate: Certificate,
     exponent: f64,
     steps: usize,
 }

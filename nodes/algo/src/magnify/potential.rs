@@ -6,10 +6,6 @@ use super::Frame;
 use crate::fourier::{Basis, Rows};
 use crate::lattice::Lattice;
 
-/// How much of an eigenvalue is the areas' response to the gradient. The rest is the five-point Laplacian's: no nodes'
-/// moves make a checkerboard of areas, and none must be answered by an endless potential.
-const RESPONSE: f64 = 0.99;
-
 /// Rows that one task transposes, and the side of a tile of them.
 const TILE: usize = 16;
 
@@ -24,7 +20,10 @@ pub(super) struct Poisson {
 
 impl Poisson {
     /// The solver for the cells of `lattice`.
-    pub(super) fn new(lattice: &Lattice, frame: Frame) -> Self {
+    ///
+    /// `response` of an eigenvalue is that of the moved cells' areas, the rest the five-point Laplacian's. It must be less
+    /// than 1: no nodes' moves make a checkerboard of areas, and none may be answered by an endless potential.
+    pub(super) fn new(lattice: &Lattice, frame: Frame, response: f64) -> Self {
         let cells @ [columns, rows] = lattice.cells();
         let basis = if frame == Frame::Periodic { Basis::Wave } else { Basis::Cosine };
         // Of each coefficient the second difference, per px squared, and what averaging two samples leaves of it, squared.
@@ -38,7 +37,7 @@ impl Poisson {
         });
         let scale = (columns * rows) as f64;
         let reciprocal = |(x, left_x): (f64, f64), (y, left_y): (f64, f64)| {
-            let eigenvalue = RESPONSE * (x * left_y + y * left_x) + (1.0 - RESPONSE) * (x + y);
+            let eigenvalue = response * (x * left_y + y * left_x) + (1.0 - response) * (x + y);
             if eigenvalue > 0.0 { -1.0 / (eigenvalue * scale) } else { 0.0 }
         };
         let reciprocals = across.iter().flat_map(|&x| down.iter().map(move |&y| reciprocal(x, y))).collect();

@@ -13,7 +13,7 @@ use crate::warp::certify;
 use crate::{Interrupted, Watch};
 
 /// Largest relative error of a cell's area at which the solver stops.
-const TOLERANCE: f64 = 1e-4;
+const TOLERANCE: f64 = 2e-4;
 
 /// Steps after which the solver stops however large errors are.
 const STEPS: usize = 16;
@@ -27,8 +27,9 @@ const BANDS: usize = 8;
 /// Numbers that are summed one after the other, their sums then likewise, whichever thread made them.
 const CHUNK: usize = 2048;
 
-/// Bytes per cell: eight arrays of the solver, two of positions twice, and the eigenvalues.
-const BYTES_PER_CELL: usize = 13 * size_of::<f64>();
+/// Bytes per cell beside the areas and the positions that come out: eight arrays of the solver, and half of the
+/// positions that are kept of a nearer step, or of an attempt that fitted.
+const BYTES_PER_CELL: usize = 9 * size_of::<f64>();
 
 /// What is compared with the area asked for.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -39,39 +40,60 @@ enum Measure {
     Determinant,
 }
 
+impl Measure {
+    /// How much the potential answers to the cells' areas, and not to its Laplacian.
+    fn response(self) -> f64 {
+        match self {
+            Self::Cell => 0.99,
+            Self::Determinant => 0.0,
+        }
+    }
+}
+
 struct Transport<'a> {
     lattice: &'a Lattice,
     frame: Frame,
+    measure: Measure,
     poisson: Poisson,
 }
 
 /// Moves the nodes so that the cells have `areas`, or as near as they can without folds.
 pub(super) fn transport(lattice: &Lattice, areas: &[f64], frame: Frame, watch: Watch) -> Result<Moved, Interrupted> {
     watch.reserve(areas.len() * BYTES_PER_CELL)?;
-    let transport = Transport { lattice, frame, poisson: Poisson::new(lattice, frame) };
     let mut steps = 0;
-    let mut attempt = |exponent: f64, measure: Measure, done: f64| {
+    let mut attempt = |transport: &Transport, exponent: f64, done: f64| {
         watch.progress(done)?;
-        let tempered = tempered(areas, exponent);
-        let (positions, taken) = transport.solve(&tempered, measure, watch)?;
+        let (positions, taken) = transport.solve(&tempered(areas, exponent), watch)?;
         steps += taken;
-        let fits = certify(lattice, &positions, watch)?.folds == 0;
-        Ok(fits.then_some(positions))
+        let certificate = certify(lattice, &positions, watch)?;
+        let moved = Moved { positions, certificate, exponent, steps };
+        Ok((certificate.folds == 0).then_some(moved))
     };
-    for (measure, done) in [(Measure::Cell, 0.0), (Measure::Determinant, 0.1)] {
-        if let Some(positions) = attempt(1.0, measure, done)? {
-            return Ok(Moved { positions, exponent: 1.0, steps });
-        }
+    let exact = Transport::new(lattice, frame, Measure::Cell);
+    if let Some(moved) = attempt(&exact, 1.0, 0.0)? {
+        return Ok(moved);
     }
-    let (mut positions, mut least, mut most) = (Positions::from_map(lattice, |p| p), 0.0, 1.0);
+    drop(exact);
+    let forgiving = Transport::new(lattice, frame, Measure::Determinant);
+    if let Some(moved) = attempt(&forgiving, 1.0, 0.1)? {
+        return Ok(moved);
+    }
+    let (mut found, mut least, mut most) = (None, 0.0, 1.0);
     for halving in 0..HALVINGS {
         let middle = 0.5 * (least + most);
-        match attempt(middle, Measure::Determinant, 0.2 + 0.8 * halving as f64 / HALVINGS as f64)? {
-            Some(found) => (positions, least) = (found, middle),
+        match attempt(&forgiving, middle, 0.2 + 0.8 * halving as f64 / HALVINGS as f64)? {
+            Some(moved) => (found, least) = (Some(moved), middle),
             None => most = middle,
         }
     }
-    Ok(Moved { positions, exponent: least, steps })
+    match found {
+        Some(moved) => Ok(Moved { steps, ..moved }),
+        None => {
+            let positions = Positions::from_map(lattice, |p| p);
+            let certificate = certify(lattice, &positions, watch)?;
+            Ok(Moved { positions, certificate, exponent: 0.0, steps })
+        }
+    }
 }
 
 /// `areas` to a power, with a mean of 1.
@@ -91,19 +113,23 @@ struct Secant {
     change: Vec<f64>,
 }
 
-impl Transport<'_> {
+impl<'a> Transport<'a> {
+    fn new(lattice: &'a Lattice, frame: Frame, measure: Measure) -> Self {
+        Self { lattice, frame, measure, poisson: Poisson::new(lattice, frame, measure.response()) }
+    }
+
     /// Positions for `areas` of mean 1, and the steps it took. With a pinned frame the nearest of all steps.
-    fn solve(&self, areas: &[f64], measure: Measure, watch: Watch) -> Result<(Positions, usize), Interrupted> {
+    fn solve(&self, areas: &[f64], watch: Watch) -> Result<(Positions, usize), Interrupted> {
         let zeros = || vec![0.0; areas.len()];
         let (mut growth, mut change, mut potential, mut spare) = (zeros(), zeros(), zeros(), zeros());
         let mut secant = Secant { growth: zeros(), change: zeros() };
         let mut positions = Positions::from_map(self.lattice, |p| p);
-        let mut nearest = (f64::INFINITY, positions.clone());
+        let mut nearest = None;
         for step in 0..STEPS {
             watch.go_on()?;
-            let worst = self.changes(areas, measure, &positions, &potential, &growth, &mut change);
-            if self.frame == Frame::Pin && worst < nearest.0 {
-                nearest = (worst, positions.clone());
+            let worst = self.changes(areas, &positions, &potential, &growth, &mut change);
+            if self.frame == Frame::Pin && nearest.as_ref().is_none_or(|(least, _)| worst < *least) {
+                nearest = Some((worst, positions.clone()));
             }
             if worst <= TOLERANCE {
                 return Ok((positions, step));
@@ -113,14 +139,13 @@ impl Transport<'_> {
             self.poisson.solve(&mut potential, &mut spare);
             self.place(&potential, &mut positions);
         }
-        Ok((if self.frame == Frame::Pin { nearest.1 } else { positions }, STEPS))
+        Ok((nearest.map_or(positions, |(_, nearest)| nearest), STEPS))
     }
 
     /// How the growth of every cell, the Laplacian of the potential, is to change; gives the largest relative error.
     fn changes(
         &self,
         areas: &[f64],
-        measure: Measure,
         positions: &Positions,
         potential: &[f64],
         growth: &[f64],
@@ -129,7 +154,7 @@ impl Transport<'_> {
         let [columns, _] = self.lattice.cells();
         let rows = change.par_chunks_mut(columns).zip(areas.par_chunks(columns).zip(growth.par_chunks(columns)));
         let errors = rows.enumerate().map(|(row, (change, (areas, growth)))| {
-            match measure {
+            match self.measure {
                 Measure::Cell => row_areas(self.lattice, positions, row, change),
                 Measure::Determinant => self.row_determinants(potential, row, change),
             }
