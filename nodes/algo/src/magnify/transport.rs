@@ -27,9 +27,11 @@ const BANDS: usize = 8;
 /// Numbers that are summed one after the other, their sums then likewise, whichever thread made them.
 const CHUNK: usize = 2048;
 
-/// Bytes per cell beside the areas and the positions that come out: eight arrays of the solver, and half of the
-/// positions that are kept of a nearer step, or of an attempt that fitted.
-const BYTES_PER_CELL: usize = 9 * size_of::<f64>();
+/// Bytes per cell beside the areas and the positions that come out: eight arrays of the solver.
+const BYTES_PER_CELL: usize = 8 * size_of::<f64>();
+
+/// Bytes per cell of positions that are kept beside others: of a nearer step, or of an attempt that fitted.
+const KEPT_BYTES_PER_CELL: usize = 2 * size_of::<f64>();
 
 /// What is compared with the area asked for.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -60,6 +62,9 @@ struct Transport<'a> {
 /// Moves the nodes so that the cells have `areas`, or as near as they can without folds.
 pub(super) fn transport(lattice: &Lattice, areas: &[f64], frame: Frame, watch: Watch) -> Result<Moved, Interrupted> {
     watch.reserve(areas.len() * BYTES_PER_CELL)?;
+    if frame == Frame::Pin {
+        watch.reserve(areas.len() * KEPT_BYTES_PER_CELL)?;
+    }
     let mut steps = 0;
     let mut attempt = |transport: &Transport, exponent: f64, done: f64| {
         watch.progress(done)?;
@@ -78,6 +83,7 @@ pub(super) fn transport(lattice: &Lattice, areas: &[f64], frame: Frame, watch: W
     if let Some(moved) = attempt(&forgiving, 1.0, 0.1)? {
         return Ok(moved);
     }
+    watch.reserve(areas.len() * KEPT_BYTES_PER_CELL)?;
     let (mut found, mut least, mut most) = (None, 0.0, 1.0);
     for halving in 0..HALVINGS {
         let middle = 0.5 * (least + most);
