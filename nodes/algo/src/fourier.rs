@@ -118,7 +118,7 @@ impl Rows {
     fn place(&self, j: usize) -> usize {
         match self.basis {
             Basis::Wave => j,
-            Basis::Cosine if j % 2 == 0 => j / 2,
+            Basis::Cosine if j.is_multiple_of(2) => j / 2,
             Basis::Cosine => self.turns.len() - 1 - j / 2,
         }
     }

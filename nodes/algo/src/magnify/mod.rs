@@ -105,7 +105,7 @@ pub fn magnify(lattice: &Lattice, wish: &Wish, watch: Watch) -> Result<Magnified
     let [columns, rows] = lattice.cells();
     let Wish { strength, method, normalise, frame } = *wish;
     assert!(strength.len() == columns * rows, "{} strengths do not fit {lattice:?}", strength.len());
-    watch.reserve(strength.len() * size_of::<f64>())?;
+    watch.reserve(size_of_val(strength))?;
     let target::Target { areas, mean, raised, normalised } = target::target(strength, normalise);
     let moved = match method {
         Method::Transport => transport::transport(lattice, &areas, frame, watch)?,
