@@ -54,6 +54,7 @@ pub const NODES: &[Definition] = &[
     def::<io::Load>("Load"),
     def::<mesh::LoadMesh>("LoadMesh"),
     def::<io::LoadWarp>("LoadWarp"),
+    def::<warp::Magnify>("Magnify"),
     def::<image::Over>("Over"),
     def::<warp::Perspective>("Perspective"),
     def::<mask::Polygon>("Polygon"),
