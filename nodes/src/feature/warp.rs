@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use smart_default::SmartDefault;
 use warploom_algo::Watch;
-use warploom_algo::feature::{self, guard::Guarded};
+use warploom_algo::feature::{self, guard::Verdict};
 use warploom_core::node::{Context, In, Node, NodeError, Output, Outputs};
 use warploom_core::value::{Direction, Factor, Kind, Value, Warp};
 
@@ -151,7 +151,7 @@ impl FeatureWarp {
         rhs: &feature::Rhs,
         tolerance: f64,
         watch: Watch,
-    ) -> Result<(feature::FeatureWarp, Option<Guarded>), feature::Error> {
+    ) -> Result<(feature::FeatureWarp, Option<Verdict>), feature::Error> {
         Ok(match self.guard {
             Guard::Certified => {
                 let (solved, guarded) =
