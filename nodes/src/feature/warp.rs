@@ -103,7 +103,7 @@ pub struct ModeOverride {
 const BYTES_PER_NODE: u128 = 104;
 
 impl Node for FeatureWarp {
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
     const OUTPUTS: &'static [Output] = &[Output::new("warp", Kind::Warp), Output::new("components", Kind::Text)];
     const CPU_FAMILY: bool = true;
 
