@@ -9,6 +9,7 @@ use std::fs;
 use std::io::{BufWriter, Write};
 use warploom_algo::UNWATCHED;
 use warploom_algo::poisson::{Edges, Factor, GridLaplacian, Pins};
+use warploom_tests::cpu_seconds;
 
 const WEIGHT: f64 = 10.0;
 const RADIUS: f64 = 2.0;
@@ -161,13 +162,6 @@ fn swirl(column: usize, row: usize, size: usize) -> [f64; 2] {
     let angle = 1.2 * (1.0 - (x.hypot(y) / middle).min(1.0)).powi(2);
     let (sin, cos) = angle.sin_cos();
     [middle + cos * x - sin * y, middle + sin * x + cos * y]
-}
-
-/// Seconds that this thread has run.
-fn cpu_seconds() -> Result<f64, Box<dyn Error>> {
-    let text = fs::read_to_string("/proc/thread-self/schedstat")?;
-    let nanoseconds: f64 = text.split_whitespace().next().ok_or("an empty schedstat")?.parse()?;
-    Ok(nanoseconds / 1e9)
 }
 
 /// Most bytes that the process had resident.

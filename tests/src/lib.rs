@@ -6,6 +6,13 @@ pub mod disk_work;
 pub mod harness;
 pub mod io;
 
+/// Seconds that this thread has computed.
+pub fn cpu_seconds() -> std::io::Result<f64> {
+    let text = std::fs::read_to_string("/proc/thread-self/schedstat")?;
+    let nanoseconds = text.split_whitespace().next().and_then(|first| first.parse::<f64>().ok());
+    Ok(nanoseconds.ok_or(std::io::ErrorKind::InvalidData)? / 1e9)
+}
+
 /// A generator of numbers that is the same everywhere (SplitMix64).
 pub struct Random(
     /// The seed, then the state.

@@ -80,3 +80,19 @@ impl Positions {
         Self::mapped(lattice, UNWATCHED, map).unwrap_or_else(|Interrupted| unreachable!("nobody watches"))
     }
 }
+
+/// Whether a node, counted row by row, lies on the border of a lattice.
+pub(crate) fn is_on_border([columns, rows]: [usize; 2], node: usize) -> bool {
+    let (column, row) = (node % columns, node / columns);
+    column == 0 || row == 0 || column + 1 == columns || row + 1 == rows
+}
+
+/// The nodes of the border, once around, clockwise on screen from node (0, 0); at least 2 x 2 nodes.
+pub(crate) fn border([columns, rows]: [usize; 2]) -> Vec<usize> {
+    let last = columns * (rows - 1);
+    let top = 0..columns - 1;
+    let right = (0..rows - 1).map(|row| row * columns + columns - 1);
+    let bottom = (1..columns).rev().map(|column| last + column);
+    let left = (1..rows).rev().map(|row| row * columns);
+    top.chain(right).chain(bottom).chain(left).collect()
+}

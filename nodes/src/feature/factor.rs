@@ -1,5 +1,5 @@
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -100,41 +100,17 @@ impl Node for FeatureFactor {
         let lattice = lattice(&grid);
         let start = Instant::now();
         let (cells, soft) = self.cells(cx, &lattice, &labels)?;
-        let structure = self.structure(&grid, &cells, soft.as_deref(), &known);
-        let weights: Vec<_> = self.overrides.iter().map(|wish| (wish.label, wish.weight)).collect();
-        let system = feature::Structure {
-            lattice: &lattice,
-            cells: &cells,
-            weight: self.weight,
-            weights: &weights,
-            soft: soft.as_deref(),
-            radius: self.radius,
-            boundary: self.boundary.into(),
-            exact: self.exact.into(),
-        };
-        let at_work = watch(cx);
-        let system = feature::setup(&system, &at_work).map(|system| (system, start.elapsed()));
-        let factor = system.and_then(|(system, setup)| Ok((feature::factor(system, &at_work)?, setup)));
-        let (factor, setup) = factor.map_err(|error| super::refusal(error, &grid, at_work))?;
+        let structure = self.structure(&grid, &cells, soft.as_deref(), &known).finish();
+        let (factor, setup) = self.factored(cx, &grid, &cells, soft.as_deref(), start)?;
         let factored = start.elapsed();
-
         let unknowns = factor.unknowns();
         let feature_cells = cells.labels.iter().filter(|&&label| label != 0).count();
         let merged: Vec<Vec<u32>> = factor.merged().map(<[u32]>::to_vec).collect();
         let value = Factor {
             grid: *grid,
-            structure: structure.finish(),
+            structure,
             bytes: factor.bytes() as u64,
-            summary: json!({
-                "kind": "Factor",
-                "solver": "feature-aware",
-                "unknowns": unknowns,
-                "feature_cells": feature_cells,
-                "weight": self.weight,
-                "radius": self.radius,
-                "boundary": self.boundary,
-                "exact": self.exact,
-            }),
+            summary: self.summary(unknowns, feature_cells),
             solver: Arc::new(Prepared { factor, labels: known }),
         };
         Ok(Outputs::from(value)
@@ -169,6 +145,45 @@ impl FeatureFactor {
         let (samples, x0, y0) = (view(&soft.0.samples), data.x0.into(), data.y0.into());
         let coverage = watched(cx, |watch| feature::cell_coverage(lattice, samples, x0, y0, watch))?;
         Ok((cells, Some(coverage)))
+    }
+
+    /// The factor, and how long after `start` its system was set up.
+    fn factored(
+        &self,
+        cx: &Context,
+        grid: &Grid,
+        cells: &FeatureCells,
+        soft: Option<&[f64]>,
+        start: Instant,
+    ) -> Result<(feature::FeatureFactor, Duration), NodeError> {
+        let weights: Vec<_> = self.overrides.iter().map(|wish| (wish.label, wish.weight)).collect();
+        let structure = feature::Structure {
+            lattice: &lattice(grid),
+            cells,
+            weight: self.weight,
+            weights: &weights,
+            soft,
+            radius: self.radius,
+            boundary: self.boundary.into(),
+            exact: self.exact.into(),
+        };
+        let at_work = watch(cx);
+        let system = feature::setup(&structure, &at_work).map(|system| (system, start.elapsed()));
+        let factor = system.and_then(|(system, setup)| Ok((feature::factor(system, &at_work)?, setup)));
+        factor.map_err(|error| super::refusal(error, grid, at_work))
+    }
+
+    fn summary(&self, unknowns: usize, feature_cells: usize) -> serde_json::Value {
+        json!({
+            "kind": "Factor",
+            "solver": "feature-aware",
+            "unknowns": unknowns,
+            "feature_cells": feature_cells,
+            "weight": self.weight,
+            "radius": self.radius,
+            "boundary": self.boundary,
+            "exact": self.exact,
+        })
     }
 
     /// All that the factor is made of, and nothing else.

@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 use warploom_algo::feature::FeatureFit;
-use warploom_algo::feature::guard::{Guarded, How, Obstacle};
+use warploom_algo::feature::guard::{How, Obstacle, Verdict};
 use warploom_core::value::Grid;
 
 use crate::adapt::described;
@@ -22,28 +22,28 @@ pub(super) fn component(fit: &FeatureFit) -> Value {
 }
 
 /// What the guard found and did.
-pub(super) fn guarded(guarded: &Guarded, grid: &Grid) -> Value {
+pub(super) fn guarded(verdict: &Verdict, grid: &Grid) -> Value {
     let mut report = json!({
-        "how": match guarded.how {
+        "how": match verdict.how {
             How::Literal => "literal",
             How::Shrunk { .. } => "shrunk",
             How::Bent { .. } => "bent",
             How::Kept => "kept",
         },
-        "reached": guarded.reached,
-        "floor": guarded.floor,
-        "literal_folds": guarded.literal_folds,
+        "reached": verdict.reached,
+        "floor": verdict.floor,
+        "literal_folds": verdict.literal_folds,
     });
-    match guarded.how {
+    match verdict.how {
         How::Shrunk { factor } => report["factor"] = factor.into(),
         How::Bent { steps } => report["steps"] = steps.into(),
         How::Literal | How::Kept => {}
     }
-    if guarded.mirrored {
+    if verdict.mirrored {
         report["mirrored"] = true.into();
     }
-    if !guarded.obstacles.is_empty() {
-        report["obstacles"] = guarded.obstacles.iter().map(|found| obstacle(found, grid)).collect();
+    if !verdict.obstacles.is_empty() {
+        report["obstacles"] = verdict.obstacles.iter().map(|found| obstacle(found, grid)).collect();
     }
     report
 }

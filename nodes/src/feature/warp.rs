@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use smart_default::SmartDefault;
 use warploom_algo::Watch;
-use warploom_algo::feature::{self, guard::Guarded};
+use warploom_algo::feature::{self, guard::Verdict};
 use warploom_core::node::{Context, In, Node, NodeError, Output, Outputs};
 use warploom_core::value::{Direction, Factor, Kind, Value, Warp};
 
@@ -105,7 +105,7 @@ pub struct ModeOverride {
 const BYTES_PER_NODE: u128 = 104;
 
 impl Node for FeatureWarp {
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
     const OUTPUTS: &'static [Output] = &[Output::new("warp", Kind::Warp), Output::new("components", Kind::Text)];
     const CPU_FAMILY: bool = true;
 
@@ -151,7 +151,7 @@ impl FeatureWarp {
         rhs: &feature::Rhs,
         tolerance: f64,
         watch: Watch,
-    ) -> Result<(feature::FeatureWarp, Option<Guarded>), feature::Error> {
+    ) -> Result<(feature::FeatureWarp, Option<Verdict>), feature::Error> {
         Ok(match self.guard {
             Guard::Certified => {
                 let (solved, guarded) =

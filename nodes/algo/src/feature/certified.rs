@@ -1,10 +1,14 @@
 //! The warp that does not fold.
 
 use super::Error;
-use super::guard::{Fit, Guarded, How, guard};
+use super::guard::{Fit, Guarded, How, Verdict, guard};
 use super::rhs::{Functional, OnConflict, Rhs, Targets, rhs};
 use super::solve::{FeatureWarp, solve};
 use crate::Watch;
+use crate::steps::{Paid, Span};
+
+/// Part of the work that is done once the literal solution is known.
+const SOLVED: f64 = 0.2;
 
 /// The feature-aware warp of a warp, repaired where it folds.
 ///
@@ -15,25 +19,30 @@ use crate::Watch;
 /// * `tolerance`: as for [`solve`].
 /// * `watch`: asked now and then.
 ///
+/// A warp that folds is repaired without features too: nothing can shrink then, so it is bent.
 /// Exact features that fold give up their shape with `NoFold`, as little as the functional allows. With `KeepShape`
 /// they never bend: they shrink, if that is wanted and helps, or the folds stay and are reported. `residual` is that
 /// of the literal solution. The cost is that of [`guard`].
-pub fn solve_certified(asked: &Rhs, fit: Fit, tolerance: f64, watch: Watch) -> Result<(FeatureWarp, Guarded), Error> {
+pub fn solve_certified(asked: &Rhs, fit: Fit, tolerance: f64, watch: Watch) -> Result<(FeatureWarp, Verdict), Error> {
     let Rhs { factor, warp, targets, .. } = *asked;
-    let literal = solve(asked, tolerance, watch)?;
+    let literal = solve(asked, tolerance, &Span::new(watch, 0.0, SOLVED))?;
     let freedom = asked.freedom_to_bend();
     let functional = Functional { freedom: &freedom, ..asked.functional() };
     let shrunk = |size: f64| {
         let smaller = Targets { size: targets.size * size, ..targets };
-        Ok(solve(&rhs(factor, warp, &smaller, watch)?, tolerance, watch)?.positions)
+        // The literal solution's memory serves again.
+        Ok(solve(&rhs(factor, warp, &smaller, &Paid(watch))?, tolerance, &Paid(watch))?.positions)
     };
+    // Without features nothing can shrink.
+    let fit = if factor.features.is_idle() { Fit::Bend } else { fit };
     let may_bend = targets.on_conflict == OnConflict::NoFold || !factor.has_exact_features();
-    let guarded = guard(&functional, &literal.positions, fit, may_bend, &shrunk, watch)?;
-    if guarded.how == How::Literal {
-        return Ok((literal, guarded));
+    let Guarded { positions, verdict } =
+        guard(&functional, &literal.positions, fit, may_bend, &shrunk, &Span::new(watch, SOLVED, 1.0))?;
+    if verdict.how == How::Literal {
+        return Ok((literal, verdict));
     }
-    let features = factor.fits(&guarded.positions, watch)?;
-    Ok((FeatureWarp { positions: guarded.positions.clone(), features, ..literal }, guarded))
+    let features = factor.fits(&positions, watch)?;
+    Ok((FeatureWarp { positions, features, ..literal }, verdict))
 }
 
 #[cfg(test)]
@@ -41,20 +50,25 @@ mod tests {
     use super::super::guard::How;
     use super::super::{Boundary, Exact, FeatureCells, FeatureFactor, Mode, Structure, factor, setup};
     use super::*;
-    use crate::UNWATCHED;
     use crate::lattice::{Lattice, Positions};
     use crate::warp::certify;
+    use crate::{Interrupted, UNWATCHED, Watcher};
+    use std::sync::Mutex;
+    use std::sync::atomic::{AtomicUsize, Ordering};
 
     const LATTICE: Lattice = Lattice { origin: [0.0; 2], spacing: [4.0; 2], nodes: [31, 25] };
 
     /// Two blocks side by side that need more than the width that is left of a squeeze.
-    fn blocks(exact: Exact) -> FeatureFactor {
+    fn blocks(exact: Exact, watch: Watch) -> FeatureFactor {
         let labels = (0..30 * 24).map(|cell| match (cell % 30, cell / 30) {
             (3..14, 6..18) => 1,
             (16..27, 6..18) => 2,
             _ => 0,
         });
-        let cells = FeatureCells { labels: labels.collect(), mixed: 0, outside: 0 };
+        factored(FeatureCells { labels: labels.collect(), mixed: 0, outside: 0 }, exact, watch)
+    }
+
+    fn factored(cells: FeatureCells, exact: Exact, watch: Watch) -> FeatureFactor {
         let structure = Structure {
             lattice: &LATTICE,
             cells: &cells,
@@ -65,16 +79,16 @@ mod tests {
             boundary: Boundary::Pin,
             exact,
         };
-        factor(setup(&structure, UNWATCHED).expect("set up"), UNWATCHED).expect("factored")
+        factor(setup(&structure, UNWATCHED).expect("set up"), watch).expect("factored")
     }
 
     fn squeezed() -> Positions {
         Positions::from_map(&LATTICE, |[x, y]| [0.4 * x, y])
     }
 
-    fn solved(exact: Exact, on_conflict: OnConflict, fit: Fit) -> (FeatureWarp, Guarded) {
+    fn solved(exact: Exact, on_conflict: OnConflict, fit: Fit) -> (FeatureWarp, Verdict) {
         let targets = Targets { mode: Mode::Rigid, on_conflict, ..Targets::default() };
-        let (factor, warp) = (blocks(exact), squeezed());
+        let (factor, warp) = (blocks(exact, UNWATCHED), squeezed());
         let asked = rhs(&factor, &warp, &targets, UNWATCHED).expect("asked");
         solve_certified(&asked, fit, 1e-6, UNWATCHED).expect("solved")
     }
@@ -93,16 +107,94 @@ mod tests {
 
     #[test]
     fn exact_features_that_keep_their_shape_fold_rather_than_bend() {
-        let (warp, guarded) = solved(Exact::Rigid, OnConflict::KeepShape, Fit::Bend);
         // Whatever the fit: a size may give way, a shape may not.
-        assert!(warp.features.iter().all(|fit| fit.deviation_cells < 1e-9), "{:?}", warp.features);
-        assert!(matches!(guarded.how, How::Kept | How::Shrunk { .. }));
-        assert_eq!(guarded.reached, guarded.how != How::Kept);
+        for fit in [Fit::Shrink, Fit::Bend] {
+            let (warp, guarded) = solved(Exact::Rigid, OnConflict::KeepShape, fit);
+            assert!(warp.features.iter().all(|fit| fit.deviation_cells < 1e-9), "{:?}", warp.features);
+            assert_eq!(matches!(guarded.how, How::Shrunk { .. }), fit == Fit::Shrink, "{:?}", guarded.how);
+            assert_eq!((guarded.how == How::Kept, guarded.reached), (fit == Fit::Bend, fit == Fit::Shrink));
+        }
+    }
+
+    /// What a watch is told, and bytes that it is asked for.
+    #[derive(Default)]
+    struct Told(Mutex<(Vec<f64>, usize)>);
+
+    impl Watcher for Told {
+        fn progress(&self, part: f64) -> Result<(), Interrupted> {
+            self.0.lock().expect("nobody panicked").0.push(part);
+            Ok(())
+        }
+
+        fn go_on(&self) -> Result<(), Interrupted> {
+            Ok(())
+        }
+
+        fn reserve(&self, bytes: usize) -> Result<(), Interrupted> {
+            self.0.lock().expect("nobody panicked").1 += bytes;
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn progress_does_not_run_backwards() {
+        let mut folded = squeezed();
+        folded.x[200] += 9.0;
+        let assert_forward = |told: Told| {
+            let (parts, _) = told.0.into_inner().expect("nobody panicked");
+            assert!(parts.is_sorted() && parts.len() > 3 && parts[parts.len() - 1] <= 1.0, "{parts:?}");
+        };
+        for exact in [Exact::Off, Exact::Similarity] {
+            let told = Told::default();
+            let factor = blocks(exact, &told);
+            assert_forward(told);
+            for (warp, fit) in [(&squeezed(), Fit::Shrink), (&squeezed(), Fit::Bend), (&folded, Fit::Bend)] {
+                let targets = Targets { mode: Mode::Rigid, ..Targets::default() };
+                let (asked, told) = (rhs(&factor, warp, &targets, UNWATCHED).expect("asked"), Told::default());
+                let (_, guarded) = solve_certified(&asked, fit, 1e-6, &told).expect("solved");
+                assert!(guarded.how != How::Literal, "{guarded:?}");
+                assert_forward(told);
+            }
+        }
+    }
+
+    /// Solutions that follow each other take the same memory.
+    #[test]
+    fn shrinking_asks_for_memory_once() {
+        let (factor, warp) = (blocks(Exact::Off, UNWATCHED), squeezed());
+        let targets = Targets { mode: Mode::Rigid, ..Targets::default() };
+        let asked = rhs(&factor, &warp, &targets, UNWATCHED).expect("asked");
+        let (literal, shrunk) = (Told::default(), Told::default());
+        solve(&asked, 1e-6, &literal).expect("solved");
+        let (_, guarded) = solve_certified(&asked, Fit::Shrink, 1e-6, &shrunk).expect("solved");
+        assert!(matches!(guarded.how, How::Shrunk { .. }), "{guarded:?}");
+        let [literal, shrunk] = [literal, shrunk].map(|told| told.0.into_inner().expect("nobody panicked").1);
+        assert!((literal..3 * literal).contains(&shrunk), "{shrunk} for {literal}");
+    }
+
+    /// Without features the warp that folds is bent straight away: nothing can shrink.
+    #[test]
+    fn nothing_shrinks_where_there_are_no_features() {
+        let factor = factored(FeatureCells { labels: vec![0; 30 * 24], mixed: 0, outside: 0 }, Exact::Off, UNWATCHED);
+        let mut warp = squeezed();
+        warp.x[200] += 9.0;
+        let asked = rhs(&factor, &warp, &Targets::default(), UNWATCHED).expect("asked");
+        let [shrunk, bent] = [Fit::Shrink, Fit::Bend].map(|fit| {
+            let asks = AtomicUsize::new(0);
+            let count = |_: f64| {
+                asks.fetch_add(1, Ordering::Relaxed);
+                Ok(())
+            };
+            let (_, guarded) = solve_certified(&asked, fit, 1e-6, &count).expect("solved");
+            assert!(matches!(guarded.how, How::Bent { .. }) && guarded.reached, "{guarded:?}");
+            asks.into_inner()
+        });
+        assert_eq!(shrunk, bent, "looks at the watch");
     }
 
     #[test]
     fn what_does_not_fold_is_the_literal_solution() {
-        let factor = blocks(Exact::Off);
+        let factor = blocks(Exact::Off, UNWATCHED);
         let warp = Positions::from_map(&LATTICE, |[x, y]| [0.8 * x + 0.1 * y, y]);
         let asked = rhs(&factor, &warp, &Targets::default(), UNWATCHED).expect("asked");
         let (certified, guarded) = solve_certified(&asked, Fit::Bend, 1e-6, UNWATCHED).expect("solved");

@@ -3,6 +3,7 @@
 use super::RUN;
 use super::components::Component;
 use crate::lattice::{Lattice, Positions};
+use crate::poisson::Edge;
 use crate::{Interrupted, Watch};
 use faer::c64;
 
@@ -13,9 +14,6 @@ const LEAST_SCALE: f64 = 1e-3;
 const DEGENERATE: f64 = 1e-9;
 
 const I: c64 = c64::new(0.0, 1.0);
-
-/// An edge between two nodes: its index among the edges of its direction, and the nodes it leads from and to.
-pub(super) type Edge = (usize, usize, usize);
 
 /// The two horizontal and the two vertical edges of a quad, in lattices of `columns` columns of nodes.
 pub(super) fn edges_of(quad: usize, columns: usize) -> ([Edge; 2], [Edge; 2]) {

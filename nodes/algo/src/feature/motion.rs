@@ -8,9 +8,10 @@
 use super::rhs::{Guide, OnConflict, Rhs};
 use super::setup::{Exact, Features, Group};
 use super::{Error, local};
+use crate::Watch;
 use crate::lattice::Lattice;
-use crate::poisson::{self, Edges};
-use crate::{Interrupted, Watch, Watcher};
+use crate::poisson::{self, Edges, horizontal_edges, vertical_edges};
+use crate::steps::{Paid, Span};
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt;
 use faer::{Mat, Par, Spec, c64};
@@ -105,13 +106,12 @@ pub(super) fn motions(features: &Features, factor: &poisson::Factor, watch: Watc
     let still = vec![Edges::zeros(nodes); BLOCK.min(count)];
     let mut energy = Vec::with_capacity(count * count);
     for (number, block) in fields.chunks(BLOCK).enumerate() {
-        let done = 0.9 + 0.1 * (number * BLOCK) as f64 / count as f64;
-        watch.progress(done)?;
+        watch.progress((number * BLOCK) as f64 / count as f64)?;
         let values: Vec<Vec<f64>> = block.iter().map(|field| field.spread(features.lattice.node_count())).collect();
         let values: Vec<&[f64]> = values.iter().map(Vec::as_slice).collect();
-        let paid = Paid { watch, done };
+        let (first, again) = (Span::new(watch, 0.0, 0.0), Paid(watch));
         // What the first block took the others take again.
-        let asked: Watch = if number == 0 { watch } else { &paid };
+        let asked: Watch = if number == 0 { &first } else { &again };
         let solution = factor.solve(&still[..block.len()], &values, TOLERANCE, asked)?;
         let row = |extended: &Vec<f64>| {
             let forces = forces(nodes, factor.conductances(), &still[0], extended);
@@ -121,27 +121,6 @@ pub(super) fn motions(features: &Features, factor: &poisson::Factor, watch: Watc
         energy.extend(rows.into_iter().flatten());
     }
     Ok(Motions { fields, energy })
-}
-
-/// A watch that has given the memory before.
-pub(super) struct Paid<'a> {
-    pub(super) watch: Watch<'a>,
-    /// The part done.
-    pub(super) done: f64,
-}
-
-impl Watcher for Paid<'_> {
-    fn progress(&self, _: f64) -> Result<(), Interrupted> {
-        self.watch.progress(self.done)
-    }
-
-    fn go_on(&self) -> Result<(), Interrupted> {
-        self.watch.go_on()
-    }
-
-    fn reserve(&self, _: usize) -> Result<(), Interrupted> {
-        Ok(())
-    }
 }
 
 impl Field {
@@ -168,12 +147,11 @@ fn forces(nodes: [usize; 2], conductances: &Edges, flux: &Edges, x: &[f64]) -> V
         forces[to] += force;
         forces[from] -= force;
     };
-    for (edge, (&c, &flux)) in conductances.horizontal.iter().zip(&flux.horizontal).enumerate() {
-        let from = edge + edge / (nodes[0] - 1);
-        pull(c, flux, from, from + 1);
+    for (edge, from, to) in horizontal_edges(nodes) {
+        pull(conductances.horizontal[edge], flux.horizontal[edge], from, to);
     }
-    for (edge, (&c, &flux)) in conductances.vertical.iter().zip(&flux.vertical).enumerate() {
-        pull(c, flux, edge, edge + nodes[0]);
+    for (edge, from, to) in vertical_edges(nodes) {
+        pull(conductances.vertical[edge], flux.vertical[edge], from, to);
     }
     forces
 }

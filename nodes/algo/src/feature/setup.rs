@@ -7,10 +7,14 @@ use super::local::edges_of;
 use super::motion::{Motions, motions};
 use super::weights::{self, Quads};
 use super::{Error, RUN, assert_one_per_node};
-use crate::lattice::{Lattice, Positions};
+use crate::lattice::{Lattice, Positions, border, is_on_border};
 use crate::poisson::{self, Edges, GridLaplacian, Pins};
+use crate::steps::Span;
 use crate::{Interrupted, Watch};
 use rayon::prelude::*;
+
+/// Part of the work that is done once the matrix is factored.
+const FACTORED: f64 = 0.9;
 
 /// What the nodes of the frame may do that are corners of feature quads; the others stay where the warp puts them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -91,7 +95,7 @@ pub(super) struct Group {
 #[derive(Debug)]
 pub struct System {
     features: Features,
-    laplacian: GridLaplacian,
+    pub(super) laplacian: GridLaplacian,
 }
 
 /// A factored system: serves any number of warps.
@@ -162,8 +166,8 @@ pub fn factor(system: System, watch: Watch) -> Result<FeatureFactor, Error> {
     if features.is_idle() {
         return Ok(FeatureFactor { features, solver: Solver::Idle(laplacian), motions: Motions::default() });
     }
-    let poisson = laplacian.factor(watch)?;
-    let motions = motions(&features, &poisson, watch)?;
+    let poisson = laplacian.factor(&Span::new(watch, 0.0, FACTORED))?;
+    let motions = motions(&features, &poisson, &Span::new(watch, FACTORED, 1.0))?;
     Ok(FeatureFactor { features, solver: Solver::Factored(poisson), motions })
 }
 
@@ -231,17 +235,20 @@ impl Features {
 
     /// Nodes of the frame that neither slide nor are free. Exact features may still take them along.
     fn held_for_good(&self) -> impl Iterator<Item = usize> {
-        frame(self.lattice.nodes).filter(|&node| self.is_held(node) && self.sliding.binary_search(&node).is_err())
+        border(self.lattice.nodes)
+            .into_iter()
+            .filter(|&node| self.is_held(node) && self.sliding.binary_search(&node).is_err())
     }
 
     /// A node of the frame that does not move freely.
     pub(super) fn is_held(&self, node: usize) -> bool {
-        is_on_frame(self.lattice.nodes, node) && !(self.boundary == Boundary::Free && self.is_feature[node])
+        is_on_border(self.lattice.nodes, node) && !(self.boundary == Boundary::Free && self.is_feature[node])
     }
 
     /// What the factor does not solve for: the held frame and exact features.
     fn pins(&self) -> Pins {
-        if self.is_idle() || (self.boundary == Boundary::Pin && self.groups.is_empty()) {
+        let holds_frame = || border(self.lattice.nodes).into_iter().all(|node| self.is_held(node));
+        if self.is_idle() || (self.groups.is_empty() && self.sliding.is_empty() && holds_frame()) {
             return Pins::Frame;
         }
         let mut pinned: Vec<bool> = (0..self.lattice.node_count()).map(|node| self.is_held(node)).collect();
@@ -274,7 +281,7 @@ fn features(
     components.iter().flat_map(|component| &component.nodes).for_each(|&node| is_feature[node] = true);
     let slides = |&node: &usize| is_feature[node] && !is_corner(lattice.nodes, node);
     let mut sliding: Vec<usize> = match boundary {
-        Boundary::Slide => frame(lattice.nodes).filter(slides).collect(),
+        Boundary::Slide => border(lattice.nodes).into_iter().filter(slides).collect(),
         _ => Vec::new(),
     };
     sliding.sort_unstable();
@@ -294,22 +301,11 @@ fn groups(
     let group = |members: Vec<usize>| {
         let whole = united(components, &members);
         let labels = members.iter().map(|&index| components[index].label).collect();
-        let held = |&node: &usize| boundary != Boundary::Free && is_on_frame(lattice.nodes, node);
+        let held = |&node: &usize| boundary != Boundary::Free && is_on_border(lattice.nodes, node);
         let (frame, inner) = whole.nodes.iter().copied().partition(held);
         Group { whole, labels, inner, frame }
     };
     Ok(touching(components, lattice.node_count(), watch)?.into_iter().map(group).collect())
-}
-
-/// The nodes of the frame, each once.
-fn frame([columns, rows]: [usize; 2]) -> impl Iterator<Item = usize> {
-    let sides = (1..rows - 1).flat_map(move |row| [row * columns, row * columns + columns - 1]);
-    (0..columns).chain(sides).chain((rows - 1) * columns..rows * columns)
-}
-
-fn is_on_frame([columns, rows]: [usize; 2], node: usize) -> bool {
-    let (column, row) = (node % columns, node / columns);
-    column == 0 || row == 0 || column + 1 == columns || row + 1 == rows
 }
 
 fn is_corner([columns, rows]: [usize; 2], node: usize) -> bool {

@@ -1,12 +1,13 @@
 //! The warp itself.
 
 use super::fit::FeatureFit;
-use super::motion::{Motions, Paid};
+use super::motion::Motions;
 use super::rhs::Rhs;
 use super::setup::Solver;
 use super::{Error, assert_one_per_node};
 use crate::Watch;
 use crate::lattice::Positions;
+use crate::steps::Paid;
 
 /// A warp that respects features.
 #[derive(Clone, Debug, PartialEq)]
@@ -48,8 +49,7 @@ pub fn solve(rhs: &Rhs, tolerance: f64, watch: Watch) -> Result<FeatureWarp, Err
             motions.settle(rhs, &solution.fields, &mut held, watch)?;
             // The first solve's memory serves again.
             drop(solution);
-            let paid = Paid { watch, done: 0.9 };
-            solution = poisson.solve(&rhs.fluxes, &[&held[0], &held[1]], tolerance, &paid)?;
+            solution = poisson.solve(&rhs.fluxes, &[&held[0], &held[1]], tolerance, &Paid(watch))?;
         }
         for (coordinate, displacement) in [&mut positions.x, &mut positions.y].into_iter().zip(&solution.fields) {
             coordinate.iter_mut().zip(displacement).for_each(|(value, displacement)| *value += displacement);

@@ -5,6 +5,7 @@ mod wishes;
 use super::components::Component;
 use super::local::{Frame, Linear};
 use super::*;
+use crate::poisson::Pins;
 use crate::view::View;
 use crate::{Interrupted, UNWATCHED};
 use faer::c64;
@@ -80,6 +81,21 @@ fn solved(factor: &FeatureFactor, warp: &Positions, mode: Mode) -> FeatureWarp {
 fn assert_close(a: &Positions, b: &Positions, tolerance: f64) {
     for (node, (a, b)) in a.x.iter().zip(&b.x).chain(a.y.iter().zip(&b.y)).enumerate() {
         assert!((a - b).abs() <= tolerance, "value {node}: {a} for {b}");
+    }
+}
+
+/// A border that no feature meets stays as it is, whatever features may do on it.
+#[test]
+fn a_border_without_features_is_the_frame() {
+    let lattice = Lattice { nodes: [40, 32], ..SQUARE };
+    let (inside, meeting) = (discs(&lattice), cells_where(&lattice, |column, row| u32::from(column < 3 && row == 9)));
+    for boundary in [Boundary::Pin, Boundary::Slide, Boundary::Free] {
+        let pins = |cells| {
+            let system = setup(&Structure { boundary, ..structure(&lattice, cells) }, UNWATCHED).expect("set up");
+            system.laplacian.pins().clone()
+        };
+        assert_eq!(pins(&inside), Pins::Frame, "{boundary:?}");
+        assert_eq!(pins(&meeting) == Pins::Frame, boundary == Boundary::Pin, "{boundary:?}");
     }
 }
 

@@ -5,6 +5,7 @@ use faer::linalg::cholesky::llt::factor::LltRegularization;
 use faer::linalg::matmul::matmul;
 use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
 use faer::perm::PermRef;
+use faer::sparse::SparseColMat;
 use faer::sparse::linalg::SupernodalThreshold;
 use faer::sparse::linalg::cholesky::supernodal::{SupernodalLltRef, SupernodeRef};
 use faer::sparse::linalg::cholesky::{
@@ -20,8 +21,8 @@ use crate::Watch;
 use crate::dissection::dissection;
 use crate::room::Room;
 
-/// A factor whose probe leaves a relative residual above this is refused.
-const PROBE_LIMIT: f64 = 1e-9;
+/// A factor whose probe leaves a relative residual above this is refused, and so is a solution.
+pub(super) const PROBE_LIMIT: f64 = 1e-9;
 
 /// Bytes of indices per unknown of the matrix, of ordering and of symbolic factorization.
 const SYMBOLIC_BYTES: usize = 170;
@@ -35,7 +36,7 @@ pub(super) struct Factor<T> {
     pub(super) energy: Energy<T>,
     pins: Vec<usize>,
     symbolic: SymbolicCholesky<u32>,
-    values: Vec<T>,
+    pub(super) values: Vec<T>,
 }
 
 impl<T: Number> Factor<T> {
@@ -53,16 +54,7 @@ impl<T: Number> Factor<T> {
         let matrix_bytes = n.saturating_mul(3 * (size_of::<T>() + size_of::<u32>()) + size_of::<u32>());
         room.phase(before.saturating_add(matrix_bytes).saturating_add(n.saturating_mul(SYMBOLIC_BYTES)))?;
         let matrix = energy.lower_triangle(&pins, watch)?;
-        let order = dissection(energy.nodes()[0], energy.nodes()[1]);
-        let mut place = vec![0; n];
-        order.iter().zip(0..).for_each(|(&node, position)| place[node as usize] = position);
-        let parameters = CholeskySymbolicParams {
-            supernodal_flop_ratio_threshold: SupernodalThreshold::FORCE_SUPERNODAL,
-            ..CholeskySymbolicParams::default()
-        };
-        let ordering = SymmetricOrdering::Custom(PermRef::new_checked(&order, &place, n));
-        let symbolic = factorize_symbolic_cholesky(matrix.symbolic(), Side::Lower, ordering, parameters)?;
-        drop((order, place));
+        let symbolic = analyze(&matrix, energy.nodes())?;
         watch.go_on()?;
         let request = symbolic.factorize_numeric_llt_scratch::<T>(Par::Seq, Spec::default());
         let held = before + symbolic.len_val() * size_of::<T>() + index_bytes(&symbolic);
@@ -175,6 +167,23 @@ impl<T: Number> Factor<T> {
     fn place(&self, node: usize) -> usize {
         self.symbolic.perm().map_or(node, |order| order.arrays().1[node] as usize)
     }
+}
+
+/// The structure of the factor, in the order of a nested dissection.
+fn analyze<T: Number>(
+    matrix: &SparseColMat<u32, T>,
+    [columns, rows]: [usize; 2],
+) -> Result<SymbolicCholesky<u32>, Error> {
+    let n = columns * rows;
+    let order = dissection(columns, rows);
+    let mut place = vec![0; n];
+    order.iter().zip(0..).for_each(|(&node, position)| place[node as usize] = position);
+    let parameters = CholeskySymbolicParams {
+        supernodal_flop_ratio_threshold: SupernodalThreshold::FORCE_SUPERNODAL,
+        ..CholeskySymbolicParams::default()
+    };
+    let ordering = SymmetricOrdering::Custom(PermRef::new_checked(&order, &place, n));
+    Ok(factorize_symbolic_cholesky(matrix.symbolic(), Side::Lower, ordering, parameters)?)
 }
 
 /// What each row puts on each node that is not pinned: row, node, weight.

@@ -73,9 +73,9 @@ pub enum Error {
     OutOfMemory,
     /// Rounding took the system's definiteness.
     NotPositiveDefinite,
-    /// The factor does not solve a system with a known solution.
+    /// What was found for a system, or for the probe of a factor, does not solve it, however often it was refined.
     Inaccurate {
-        /// Relative residual of that system.
+        /// Its relative residual.
         residual: f64,
     },
     /// A handle's or a curve's point lies outside the lattice.

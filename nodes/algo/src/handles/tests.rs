@@ -60,6 +60,16 @@ fn assert_near(lattice: &Lattice, positions: &Positions, tolerance: f64, expecte
 }
 
 #[test]
+fn a_wrong_factor_gives_no_warp() {
+    let mut factor = prepared(&SQUARE);
+    let handles = scattered(&SQUARE, 5, 0.4, 2);
+    assert!(solve(&factor, &handles, Mode::Rigid, UNWATCHED).is_ok());
+    factor.rigid.values.iter_mut().step_by(7).for_each(|value| *value *= 3.0);
+    let solved = solve(&factor, &handles, Mode::Rigid, UNWATCHED);
+    assert!(matches!(solved, Err(Error::Inaccurate { .. })), "{solved:?}");
+}
+
+#[test]
 fn without_a_move_nothing_moves() {
     for lattice in [SQUARE, FLAT, CELL] {
         let factor = prepared(&lattice);

@@ -13,6 +13,7 @@ mod substitute;
 #[cfg(test)]
 mod tests;
 
+use crate::lattice::is_on_border;
 use crate::{Interrupted, Watch};
 use direct::Cholesky;
 use faer::sparse::FaerError;
@@ -25,7 +26,7 @@ use sine::Sine;
 /// system are good to about 1e-9 cells.
 const REFINE_ABOVE: f64 = 1e-12;
 
-/// A factor whose probe keeps a relative residual above this is refused.
+/// A factor whose probe keeps a relative residual above this is refused, and so is a solution.
 const PROBE_LIMIT: f64 = 1e-9;
 
 /// Nodes on a side, and unknowns, from which multigrid is used.
@@ -49,9 +50,9 @@ pub enum Error {
     OutOfMemory,
     /// The conductances do not make the Laplacian positive definite.
     NotPositiveDefinite,
-    /// The factor does not solve a system with a known solution.
+    /// What was found for a system, or for the probe of a factor, does not solve it, however often it was refined.
     Inaccurate {
-        /// Relative residual of that system.
+        /// Its relative residual; NaN where it is not a number.
         residual: f64,
     },
 }
@@ -92,6 +93,19 @@ impl Edges {
     }
 }
 
+/// An edge: its index among those of its direction, and the nodes it leads from and to.
+pub(crate) type Edge = (usize, usize, usize);
+
+/// The horizontal edges of a lattice.
+pub(crate) fn horizontal_edges([columns, rows]: [usize; 2]) -> impl Iterator<Item = Edge> {
+    (0..(columns - 1) * rows).map(move |e| (e, e + e / (columns - 1), e + e / (columns - 1) + 1))
+}
+
+/// Its vertical edges.
+pub(crate) fn vertical_edges([columns, rows]: [usize; 2]) -> impl Iterator<Item = Edge> {
+    (0..columns * (rows - 1)).map(move |e| (e, e, e + columns))
+}
+
 /// The nodes whose values are given.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Pins {
@@ -102,12 +116,9 @@ pub enum Pins {
 }
 
 impl Pins {
-    fn holds(&self, node: usize, [columns, rows]: [usize; 2]) -> bool {
+    fn holds(&self, node: usize, nodes: [usize; 2]) -> bool {
         match self {
-            Self::Frame => {
-                let (column, row) = (node % columns, node / columns);
-                column == 0 || row == 0 || column + 1 == columns || row + 1 == rows
-            }
+            Self::Frame => is_on_border(nodes, node),
             Self::Nodes(pinned) => pinned[node],
         }
     }
@@ -161,6 +172,11 @@ enum Backend {
     Multigrid(Box<Multigrid>),
 }
 
+type GoOn<'a> = &'a dyn Fn() -> Result<(), Interrupted>;
+
+/// Adds to fields the solutions for right-hand sides, which it may overwrite.
+type AddSolutions<'a> = &'a dyn Fn(&mut [Vec<f64>], &mut [Vec<f64>], GoOn) -> Result<(), Error>;
+
 /// Node values that solve the systems they were asked for.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Solution {
@@ -211,8 +227,9 @@ impl GridLaplacian {
     ///
     /// Direct: `P L P^T = G G^T` in f64, P a nested dissection of the lattice; then a probe: a constant on the pins and
     /// no flux must be solved for. Sine, for lattices pinned on their frame whose horizontal conductances are all equal
-    /// and whose vertical ones are, both positive: sines across and elimination down. Multigrid, for lattices pinned on their frame with at least 60,000 unknowns, 32
-    /// nodes a side and conductances within a factor of 20,000 of each other: the hierarchy of coarser lattices.
+    /// and whose vertical ones are, both positive: sines across and elimination down. Multigrid, for lattices pinned on
+    /// their frame with at least 60,000 unknowns, 32 nodes a side and conductances within a factor of 20,000 of each
+    /// other: the hierarchy of coarser lattices.
     ///
     /// * `watch`: called between the phases; a phase runs to its end. Asked for all memory, for the factor's once its
     ///   entries are counted.
@@ -263,11 +280,25 @@ impl GridLaplacian {
             let (horizontal, vertical) = self.inner();
             horizontal.chain(vertical)
         };
-        let most = || inner().fold(0.0, |most, c| larger(most, *c));
         off_frame && self.unknowns() >= MULTIGRID_UNKNOWNS && {
-            let least = most() * MULTIGRID_RANGE;
+            let least = self.stiffest() * MULTIGRID_RANGE;
             inner().all(|c| *c >= least && c.is_finite())
         }
+    }
+
+    /// The largest conductance at an unknown; NaN where one is.
+    fn stiffest(&self) -> f64 {
+        if self.pins == Pins::Frame {
+            let (horizontal, vertical) = self.inner();
+            return horizontal.chain(vertical).fold(0.0, |most, c| larger(most, *c));
+        }
+        let matters = |&(_, from, to): &Edge| [from, to].iter().any(|&node| !self.pins.holds(node, self.nodes));
+        let Edges { horizontal, vertical } = &self.conductances;
+        let most = |edges: &mut dyn Iterator<Item = Edge>, c: &[f64]| {
+            edges.filter(matters).fold(0.0, |most, (edge, ..)| larger(most, c[edge]))
+        };
+        let (across, down) = (&mut horizontal_edges(self.nodes), &mut vertical_edges(self.nodes));
+        larger(most(across, horizontal), most(down, vertical))
     }
 
     /// `div (flux - c grad x)` at every node, 0 on the pins.
@@ -328,10 +359,12 @@ impl Factor {
     /// Direct: one refinement step follows where the relative residual is above 1e-12; time and memory traffic
     /// O(n log n) for n unknowns; right-hand sides are best given by the dozen, up to 64 are solved for together. The
     /// substitution runs on one thread. Sine: likewise, in O(n log n) and 16 bytes a node and right-hand side; its
-    /// transforms run on the pool, the bits do not depend on the thread count. Multigrid: one right-hand side at a time, conjugate gradients until the
-    /// estimated error, above the true one on all systems tried, is within the tolerance; `Inaccurate` where it
-    /// does not get there; linear for a given tolerance, 21 bytes a node.
-    /// Where all nodes are pinned the fields are the result.
+    /// transforms run on the pool, the bits do not depend on the thread count. Both: `Inaccurate` where the residual
+    /// stays above 1e-9 of what the numbers in it allow. Multigrid: one right-hand side at a time, conjugate gradients
+    /// until the estimated error, above the true one on all systems tried, is within the tolerance; `Inaccurate` where
+    /// it does not get there; linear for a given tolerance, 21 bytes a node. Numbers that are not finite, and in
+    /// multigrid those that single precision does not hold, are `Inaccurate` too. Where all nodes are pinned the fields
+    /// are the result.
     pub fn solve(&self, fluxes: &[Edges], fields: &[&[f64]], tolerance: f64, watch: Watch) -> Result<Solution, Error> {
         let nodes = self.laplacian.nodes;
         assert_eq!(fluxes.len(), fields.len(), "fluxes and fields");
@@ -339,7 +372,6 @@ impl Factor {
         fluxes.iter().for_each(|flux| flux.assert_shape(nodes));
         let count = nodes[0] * nodes[1];
         fields.iter().for_each(|field| assert_eq!(field.len(), count, "values of {} x {} nodes", nodes[0], nodes[1]));
-        let mut solution = Solution { fields: Vec::new(), residual: 0.0 };
         let together = fields.len().min(BLOCK);
         let scratch = match &self.backend {
             Backend::Nothing => 0,
@@ -348,21 +380,18 @@ impl Factor {
             Backend::Multigrid(multigrid) => multigrid.solve_bytes(),
         };
         watch.reserve(fields.len() * count * size_of::<f64>() + scratch)?;
-        solution.fields = fields.iter().map(|field| field.to_vec()).collect();
-        match &self.backend {
-            Backend::Nothing => return Ok(solution),
-            Backend::Multigrid(multigrid) => {
-                solution.residual = self.solve_in_turn(multigrid, fluxes, &mut solution.fields, tolerance, watch)?;
-                return Ok(solution);
+        let mut fields: Vec<Vec<f64>> = fields.iter().map(|field| field.to_vec()).collect();
+        let residual = match &self.backend {
+            Backend::Nothing => 0.0,
+            Backend::Direct(cholesky) => {
+                self.solve_in_blocks(fluxes, &mut fields, &|rest, x, _| cholesky.add_solutions(rest, x), watch)?
             }
-            Backend::Direct(_) | Backend::Sine(_) => {}
-        }
-        let blocks = fields.len().div_ceil(BLOCK);
-        for (block, (fluxes, fields)) in fluxes.chunks(BLOCK).zip(solution.fields.chunks_mut(BLOCK)).enumerate() {
-            let residual = self.solve_block(fluxes, fields, &|| watch.progress(block as f64 / blocks as f64))?;
-            solution.residual = larger(solution.residual, residual);
-        }
-        Ok(solution)
+            Backend::Sine(sine) => {
+                self.solve_in_blocks(fluxes, &mut fields, &|rest, x, go_on| sine.add_solutions(rest, x, go_on), watch)?
+            }
+            Backend::Multigrid(multigrid) => self.solve_in_turn(multigrid, fluxes, &mut fields, tolerance, watch)?,
+        };
+        Ok(Solution { fields, residual })
     }
 
     /// Solves by multigrid for fields whose pinned values are set; gives the relative residual.
@@ -384,11 +413,28 @@ impl Factor {
     }
 
     /// Solves in full precision for fields whose pinned values are set; gives the relative residual.
+    fn solve_in_blocks(
+        &self,
+        fluxes: &[Edges],
+        fields: &mut [Vec<f64>],
+        add_solutions: AddSolutions,
+        watch: Watch,
+    ) -> Result<f64, Error> {
+        let blocks = fields.len().div_ceil(BLOCK);
+        let mut residual = 0.0;
+        for (block, (fluxes, fields)) in fluxes.chunks(BLOCK).zip(fields.chunks_mut(BLOCK)).enumerate() {
+            let go_on = || watch.progress(block as f64 / blocks as f64);
+            residual = larger(residual, self.solve_block(fluxes, fields, add_solutions, &go_on)?);
+        }
+        Ok(residual)
+    }
+
     fn solve_block(
         &self,
         fluxes: &[Edges],
         fields: &mut [Vec<f64>],
-        go_on: &dyn Fn() -> Result<(), Interrupted>,
+        add_solutions: AddSolutions,
+        go_on: GoOn,
     ) -> Result<f64, Error> {
         let residuals = |fields: &[Vec<f64>]| -> Vec<Vec<f64>> {
             fluxes.iter().zip(fields).map(|(flux, field)| self.laplacian.residual(flux, field)).collect()
@@ -399,11 +445,7 @@ impl Factor {
         let mut residual = f64::INFINITY;
         for _ in 0..2 {
             go_on()?;
-            match &self.backend {
-                Backend::Direct(cholesky) => cholesky.add_solutions(&remainders, fields)?,
-                Backend::Sine(sine) => sine.add_solutions(&mut remainders, fields, go_on)?,
-                Backend::Nothing | Backend::Multigrid(_) => {}
-            }
+            add_solutions(&mut remainders, fields, go_on)?;
             remainders = residuals(fields);
             let relative = |(rest, b): (&Vec<f64>, &f64)| if largest(rest) == 0.0 { 0.0 } else { largest(rest) / b };
             residual = remainders.iter().zip(&right_hand_sides).map(relative).fold(0.0, larger);
@@ -411,7 +453,15 @@ impl Factor {
                 break;
             }
         }
-        Ok(residual)
+        let solved = || remainders.iter().zip(&right_hand_sides).zip(&*fields).all(|((r, b), x)| self.solves(r, *b, x));
+        if residual <= PROBE_LIMIT || solved() { Ok(residual) } else { Err(Error::Inaccurate { residual }) }
+    }
+
+    /// Whether a field leaves no more of a right-hand side of largest entry `b` than rounding its numbers may: their
+    /// sums reach b + |A| |x|, and |A| is at most 8 times the largest conductance.
+    fn solves(&self, remainder: &[f64], b: f64, field: &[f64]) -> bool {
+        let reach = b + 8.0 * self.laplacian.stiffest() * largest(field);
+        largest(remainder) <= PROBE_LIMIT * reach.min(f64::MAX)
     }
 
     /// Count of unknowns: nodes that are not pinned.

@@ -154,5 +154,4 @@ fn falloff(u: f64, v: f64) -> f64 {
 }
 
 #[cfg(test)]
-#[path = "bend_tests.rs"]
 mod tests;

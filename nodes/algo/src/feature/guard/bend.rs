@@ -1,7 +1,7 @@
 //! Bending features until nothing folds.
 
 use super::barrier::Barrier;
-use super::boundary::{crossing, frame};
+use super::boundary::crossing;
 use super::coarse::Coarse;
 use super::functional::{difference, moved};
 use super::newton::{Judge, Newton};
@@ -10,7 +10,9 @@ use super::start::{Start, mean_jacobian};
 use super::system::{Blocks, System};
 use super::{Error, Freedom, Functional};
 use crate::Watch;
-use crate::lattice::Positions;
+use crate::lattice::{Positions, border};
+use crate::room::Room;
+use crate::steps::Span;
 
 /// Most steps of Newton's method.
 const STEPS: usize = 200;
@@ -20,6 +22,12 @@ const REACH: f64 = 0.1;
 
 /// The barrier's strength by the largest conductance, which is twice the largest squared weight.
 const STRENGTH: f64 = 0.05;
+
+/// Part of the work that is done once a start without folds is known,
+const LIFTED: f64 = 0.3;
+
+/// and part of the rest once the halved lattice is bent.
+const HALVED: f64 = 0.3;
 
 /// Untangling gives up after so many rounds in a row that lift the lowest corner by next to nothing.
 const VAIN_ROUNDS: usize = 5;
@@ -33,16 +41,17 @@ pub(super) struct Bend<'a> {
 
 impl Bend<'_> {
     /// The repaired warp and the steps it took; where no start without folds was found, the best that was.
-    pub(super) fn bend(&self, start: Start, watch: Watch) -> Result<(Positions, usize), Error> {
+    pub(super) fn bend(&self, start: Start, room: &mut Room, watch: Watch) -> Result<(Positions, usize), Error> {
         let functional = self.functional;
-        let Some(mut system) = System::new(functional.lattice.nodes, functional.freedom, watch)? else {
+        let Some(mut system) = System::new(functional.lattice.nodes, functional.freedom, 0, room, watch)? else {
             return Ok((functional.base.clone(), 0));
         };
         let blocks = Blocks::new(functional);
         let (from, lifting) = match start {
             Start::Free { positions, .. } => (positions, 0),
             Start::Folded { combination } => {
-                let (positions, steps) = self.untangle(&combination, &blocks, &mut system, watch)?;
+                let (positions, steps) =
+                    self.untangle(&combination, &blocks, &mut system, &Span::new(watch, 0.0, LIFTED))?;
                 if self.shape.least_exactly(&positions) < 3.0 * self.floor {
                     return Ok((self.best_folded(positions), steps));
                 }
@@ -50,7 +59,8 @@ impl Bend<'_> {
             }
         };
         let judge = self.judge(&from);
-        let (x, steps) = self.descend(&from, Some(&judge), &blocks, &mut system, watch)?;
+        let (x, steps) =
+            self.descend(&from, Some(&judge), &blocks, &mut system, room, &Span::new(watch, LIFTED, 1.0))?;
         Ok((self.best(x, from, &judge), lifting + steps))
     }
 
@@ -61,10 +71,11 @@ impl Bend<'_> {
         judge: Option<&Judge>,
         blocks: &Blocks,
         system: &mut System,
+        room: &mut Room,
         watch: Watch,
     ) -> Result<(Positions, usize), Error> {
-        let mut x = self.towards(from, self.literal, judge, 0.9).unwrap_or_else(|| from.clone());
-        if let Some(other) = self.halved_start(from, judge, watch)?
+        let mut x = self.towards(from, self.literal, judge, 0.9, self.level()).unwrap_or_else(|| from.clone());
+        if let Some(other) = self.halved_start(from, judge, system.bytes, room, &Span::new(watch, 0.0, HALVED))?
             && self.functional.energy(&other) < self.functional.energy(&x)
         {
             x = other;
@@ -76,12 +87,21 @@ impl Bend<'_> {
         }
         let barrier = self.barrier(level, reach);
         let mut newton = Newton { functional: self.functional, barrier, blocks, system };
-        let steps = newton.descend(&mut x, judge, STEPS, watch)?;
+        let steps = newton.descend(&mut x, judge, STEPS, &Span::new(watch, HALVED, 1.0))?;
         Ok((x, steps))
     }
 
     /// What the halved lattice comes to, brought back to this one as far as nothing folds.
-    fn halved_start(&self, from: &Positions, judge: Option<&Judge>, watch: Watch) -> Result<Option<Positions>, Error> {
+    ///
+    /// * `before`: bytes that are held beside it meanwhile.
+    fn halved_start(
+        &self,
+        from: &Positions,
+        judge: Option<&Judge>,
+        before: usize,
+        room: &mut Room,
+        watch: Watch,
+    ) -> Result<Option<Positions>, Error> {
         let Some(coarse) = Coarse::new(self.functional) else {
             return Ok(None);
         };
@@ -92,11 +112,11 @@ impl Bend<'_> {
         if shape.least(&start) < 2.0 * below.level() {
             return Ok(None);
         }
-        let Some(mut system) = System::new(functional.lattice.nodes, functional.freedom, watch)? else {
+        let Some(mut system) = System::new(functional.lattice.nodes, functional.freedom, before, room, watch)? else {
             return Ok(None);
         };
-        let (x, _) = below.descend(&start, None, &Blocks::new(&functional), &mut system, watch)?;
-        Ok(self.towards(from, &coarse.prolonged(&start, &x, from), judge, 0.99))
+        let (x, _) = below.descend(&start, None, &Blocks::new(&functional), &mut system, room, watch)?;
+        Ok(self.towards(from, &coarse.prolonged(&start, &x, from), judge, 0.99, self.level()))
     }
 
     /// Rounding in single precision counts where the start survives it.
@@ -119,10 +139,16 @@ impl Bend<'_> {
         Barrier { shape: self.shape, strength, level, reach }
     }
 
-    /// The point at `part` of the last stretch without folds on the way, or before it.
-    fn towards(&self, from: &Positions, to: &Positions, judge: Option<&Judge>, part: f64) -> Option<Positions> {
+    /// The point at `part` of the last stretch on the way with all corners at or above `level`, or before it.
+    fn towards(
+        &self,
+        from: &Positions,
+        to: &Positions,
+        judge: Option<&Judge>,
+        part: f64,
+        level: f64,
+    ) -> Option<Positions> {
         let step = difference(from, to);
-        let level = if part < 1.0 { self.level() } else { self.floor };
         let [low, high] = self.shape.last_stretch(from, &step, level)?;
         let mut back = f64::max(1.0 - part, 1e-12);
         while back < 1.0 {
@@ -137,14 +163,14 @@ impl Bend<'_> {
 
     /// The bent warp, or a point between base and literal solution where that does better or its boundary is simple.
     fn best(&self, bent: Positions, from: Positions, judge: &Judge) -> Positions {
-        let frame = frame(self.functional.lattice.nodes);
+        let border = border(self.functional.lattice.nodes);
         let slides = self.functional.freedom.iter().any(|freedom| matches!(freedom, Freedom::Along(_)));
         let mut candidates = vec![bent];
-        candidates.extend(self.towards(self.functional.base, self.literal, Some(judge), 1.0));
+        candidates.extend(self.towards(self.functional.base, self.literal, Some(judge), 1.0, self.floor));
         candidates.sort_by(|a, b| self.functional.energy(a).total_cmp(&self.functional.energy(b)));
-        if slides && crossing(&from, &frame).is_none() {
+        if slides && crossing(&from, &border).is_none() {
             candidates.push(from);
-            candidates.retain(|x| crossing(x, &frame).is_none());
+            candidates.retain(|x| crossing(x, &border).is_none());
         }
         candidates.swap_remove(0)
     }
@@ -166,7 +192,8 @@ impl Bend<'_> {
         while steps < STEPS && vain < VAIN_ROUNDS && lowest < 4.0 * self.floor && lowest.is_finite() {
             let barrier = self.barrier(lowest - 0.1 * (aim - lowest), vec![aim; self.shape.corner_count()]);
             let mut newton = Newton { functional: self.functional, barrier, blocks, system: &mut *system };
-            let done = newton.descend(&mut x, None, 2, watch)?;
+            let part = |steps: usize| steps as f64 / STEPS as f64;
+            let done = newton.descend(&mut x, None, 2, &Span::new(watch, part(steps), part(steps + 2)))?;
             let lifted = self.shape.least(&x);
             vain = if lifted - lowest > 1e-2 * (aim - lowest) { 0 } else { vain + 1 };
             (lowest, steps) = (lifted, steps + done.max(1));

@@ -3,21 +3,11 @@
 use crate::lattice::Positions;
 use robust::{Coord, orient2d};
 
-/// The nodes of the frame, once around, clockwise on screen from node (0, 0).
-pub(super) fn frame([columns, rows]: [usize; 2]) -> Vec<usize> {
-    let last = columns * (rows - 1);
-    let top = 0..columns - 1;
-    let right = (0..rows - 1).map(|row| row * columns + columns - 1);
-    let bottom = (1..columns).rev().map(|column| last + column);
-    let left = (1..rows).rev().map(|row| row * columns);
-    top.chain(right).chain(bottom).chain(left).collect()
-}
-
 /// Twice the area that the boundary's image encloses; positive where it runs clockwise on screen.
-pub(super) fn doubled_area(x: &Positions, frame: &[usize]) -> f64 {
-    let origin = frame[0];
+pub(super) fn doubled_area(x: &Positions, border: &[usize]) -> f64 {
+    let origin = border[0];
     let at = |node: usize| [x.x[node] - x.x[origin], x.y[node] - x.y[origin]];
-    let pairs = frame.iter().zip(frame.iter().cycle().skip(1));
+    let pairs = border.iter().zip(border.iter().cycle().skip(1));
     pairs.map(|(&p, &q)| at(p)[0] * at(q)[1] - at(p)[1] * at(q)[0]).sum()
 }
 
@@ -25,9 +15,9 @@ pub(super) fn doubled_area(x: &Positions, frame: &[usize]) -> f64 {
 ///
 /// Edges are put into buckets of a square grid over the image, about one edge to a bucket row: O(n) for boundaries
 /// with edges of like length, O(n^2) at worst.
-pub(super) fn crossing(x: &Positions, frame: &[usize]) -> Option<[usize; 2]> {
-    let n = frame.len();
-    let at = |i: usize| Coord { x: x.x[frame[i % n]], y: x.y[frame[i % n]] };
+pub(super) fn crossing(x: &Positions, border: &[usize]) -> Option<[usize; 2]> {
+    let n = border.len();
+    let at = |i: usize| Coord { x: x.x[border[i % n]], y: x.y[border[i % n]] };
     let (mut low, mut high) = (at(0), at(0));
     for i in 1..n {
         let p = at(i);
@@ -58,7 +48,7 @@ pub(super) fn crossing(x: &Positions, frame: &[usize]) -> Option<[usize; 2]> {
     buckets.iter().find_map(|bucket| {
         let pairs =
             bucket.iter().enumerate().flat_map(|(k, &i)| bucket[..k].iter().map(move |&j| [j as usize, i as usize]));
-        pairs.into_iter().find(|&[i, j]| meet(i, j)).map(|pair| pair.map(|i| frame[i]))
+        pairs.into_iter().find(|&[i, j]| meet(i, j)).map(|pair| pair.map(|i| border[i]))
     })
 }
 
@@ -83,26 +73,26 @@ fn touch(a: [Coord<f64>; 2], b: [Coord<f64>; 2]) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::lattice::Lattice;
+    use crate::lattice::{Lattice, border};
 
     fn lattice(nodes: [usize; 2]) -> Lattice {
         Lattice { origin: [0.0; 2], spacing: [1.0; 2], nodes }
     }
 
     #[test]
-    fn the_frame_runs_once_around() {
-        assert_eq!(frame([3, 4]), [0, 1, 2, 5, 8, 11, 10, 9, 6, 3]);
-        assert_eq!(frame([2, 2]), [0, 1, 3, 2]);
+    fn the_border_runs_once_around() {
+        assert_eq!(border([3, 4]), [0, 1, 2, 5, 8, 11, 10, 9, 6, 3]);
+        assert_eq!(border([2, 2]), [0, 1, 3, 2]);
         let rest = Positions::from_map(&lattice([5, 4]), |p| p);
-        assert_eq!(doubled_area(&rest, &frame([5, 4])), 24.0);
+        assert_eq!(doubled_area(&rest, &border([5, 4])), 24.0);
         let mirrored = Positions::from_map(&lattice([5, 4]), |[x, y]| [-x, y]);
-        assert_eq!(doubled_area(&mirrored, &frame([5, 4])), -24.0);
+        assert_eq!(doubled_area(&mirrored, &border([5, 4])), -24.0);
     }
 
     #[test]
     fn crossing_and_touching_are_found_and_nothing_else() {
         let nodes = [12, 9];
-        let around = frame(nodes);
+        let around = border(nodes);
         let of = |map: fn([f64; 2]) -> [f64; 2]| crossing(&Positions::from_map(&lattice(nodes), map), &around);
         assert_eq!(of(|p| p), None);
         assert_eq!(of(|[x, y]| [x * (1.0 + y), y * y + 0.3 * x]), None);
@@ -124,7 +114,7 @@ mod tests {
     #[test]
     fn buckets_miss_no_pair() {
         let nodes = [9, 7];
-        let around = frame(nodes);
+        let around = border(nodes);
         let n = around.len();
         let (mut state, mut found) = (1u32, 0);
         let mut number = || {

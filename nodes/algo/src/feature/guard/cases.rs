@@ -165,18 +165,18 @@ impl Case {
                 wrong.push(format!("{what}: {value}"))
             }
         };
-        check(found.floor == floor, "floor", found.floor);
-        check(found.reached && found.folds == 0, "reached", found.min_jacobian);
+        check(found.verdict.floor == floor, "floor", found.verdict.floor);
+        check(found.verdict.reached && found.verdict.folds == 0, "reached", found.verdict.min_jacobian);
         check(least(&found.positions) >= floor, "least Jacobian", least(&found.positions));
         check(least(&single) >= floor, "in single precision", least(&single));
         let pinned = |node: usize| self.freedom[node] == Freedom::Pinned;
         let same =
             |node: usize| found.positions.x[node] == self.base.x[node] && found.positions.y[node] == self.base.y[node];
         check((0..self.freedom.len()).all(|node| !pinned(node) || same(node)), "pins", 0.0);
-        if found.how == How::Literal {
+        if found.verdict.how == How::Literal {
             check(found.positions == literal, "untouched", 0.0);
         }
-        if matches!(found.how, How::Bent { .. }) {
+        if matches!(found.verdict.how, How::Bent { .. }) {
             let at = |t: f64| {
                 let mix = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a + t * (b - a)).collect();
                 Positions { x: mix(&self.base.x, &literal.x), y: mix(&self.base.y, &literal.y) }

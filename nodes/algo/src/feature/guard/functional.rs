@@ -5,10 +5,8 @@ use super::system::{Blocks, System};
 use super::{Error, Freedom, Functional};
 use crate::Watch;
 use crate::lattice::Positions;
-use crate::poisson::{self, Edges};
-
-/// An edge: its index among those of its direction, and the nodes it leads from and to.
-pub(super) type Edge = (usize, usize, usize);
+use crate::poisson::{self, Edge, Edges, horizontal_edges, vertical_edges};
+use crate::room::Room;
 
 impl Functional<'_> {
     /// `sum over edges of c |d_q - d_p|^2 - 2 phi . (d_q - d_p)` of the displacement d = x - base.
@@ -39,7 +37,11 @@ impl Functional<'_> {
     /// The base where nothing may move. Fails where the conductances are not positive or nothing is pinned. It serves
     /// any [`Freedom`]; of pinned frames [`crate::poisson`] makes less work. O(n^1.5) time, O(n log n) memory.
     pub fn minimiser(&self, watch: Watch) -> Result<Positions, Error> {
-        let Some(mut system) = System::new(self.lattice.nodes, self.freedom, watch)? else {
+        self.minimised(&mut Room::new(watch), watch)
+    }
+
+    pub(super) fn minimised(&self, room: &mut Room, watch: Watch) -> Result<Positions, Error> {
+        let Some(mut system) = System::new(self.lattice.nodes, self.freedom, 0, room, watch)? else {
             return Ok(self.base.clone());
         };
         let step = system.step(&Blocks::new(self), &self.gradient(self.base));
@@ -104,13 +106,11 @@ impl Functional<'_> {
     }
 
     pub(super) fn horizontal(&self) -> impl Iterator<Item = Edge> + use<> {
-        let [columns, rows] = self.lattice.nodes;
-        (0..(columns - 1) * rows).map(move |e| (e, e + e / (columns - 1), e + e / (columns - 1) + 1))
+        horizontal_edges(self.lattice.nodes)
     }
 
     pub(super) fn vertical(&self) -> impl Iterator<Item = Edge> + use<> {
-        let [columns, rows] = self.lattice.nodes;
-        (0..columns * (rows - 1)).map(move |e| (e, e, e + columns))
+        vertical_edges(self.lattice.nodes)
     }
 }
 

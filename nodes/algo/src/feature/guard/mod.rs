@@ -25,11 +25,13 @@ mod tests;
 use super::Error;
 pub use super::rhs::{Freedom, Functional};
 use crate::Watch;
-use crate::lattice::Positions;
+use crate::lattice::{Positions, border};
 use crate::poisson::Edges;
+use crate::room::Room;
+use crate::steps::Span;
 use crate::warp::certify;
 use bend::Bend;
-use boundary::{crossing, frame};
+use boundary::crossing;
 use newton::Judge;
 use shape::{Shape, in_single_precision};
 use start::Start;
@@ -95,6 +97,13 @@ pub enum Obstacle {
 pub struct Guarded {
     /// Where the nodes go, px.
     pub positions: Positions,
+    /// What was found and done.
+    pub verdict: Verdict,
+}
+
+/// How free of folds a warp is, and how it came to be so.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Verdict {
     /// The least corner Jacobian, of the mirror image where `mirrored`.
     pub min_jacobian: f64,
     /// Column and row of the cell where it is found.
@@ -117,6 +126,12 @@ pub struct Guarded {
 
 /// Solves are at most so many when features are shrunk.
 const SOLVES: usize = 10;
+
+/// Bytes per node of a shrunk solution, the best one, its rounding, and fluxes and freedom that it is solved with.
+const SHRUNK_BYTES: usize = 104;
+
+/// Part of the work that is done once features are shrunk.
+const SHRUNK: f64 = 0.5;
 
 /// Factors from 1/2 to 1/16 are tried for a first one that does.
 const HALVINGS: usize = 4;
@@ -147,15 +162,19 @@ const HALVINGS: usize = 4;
 /// * `solve`: the literal solution with all scales multiplied by its argument.
 /// * `watch`: asked before every solve and Newton step and between the phases of the first factorization.
 ///
-/// The functional of a bent result is at most that of any point without folds between base and literal solution. A
-/// local minimum, not the best warp. Positions rounded to f32 reach the floor too wherever those of the start do;
+/// Where the literal solution minimises the functional, which it does not if exact features made it, the functional of a
+/// bent result is at most that of any point that reaches the floor between base and literal solution. A local minimum,
+/// not the best warp. Positions rounded to f32 reach the floor too wherever those of the start do;
 /// else `SinglePrecision` is told. Corners all of whose nodes are pinned are left out of the repair. With nothing to
 /// move the result is the base.
 ///
-/// Cost: the certificate where the literal solution does; else up to 10 solves, or up to 200 Newton steps, each a
-/// sparse Cholesky factorization of 2 n unknowns: O(n^1.5) time, O(n log n) memory, on one thread. A lattice of
-/// 200 x 200 nodes takes about 0.13 s a step and 40 to 100 steps; 1000 x 1000 nodes, by the
-/// growth of such factors, 50 to 100 times as long a step and 3 GB: there `Shrink` is the cheaper choice.
+/// Cost: the certificates where base and literal solution do not fold. A base that folds costs one sparse Cholesky
+/// factorization of 2 n unknowns. Shrinking costs 10 solves, 4 where none helps; bending, which may follow them, one
+/// such factorization for each Newton step: up to 200, up to 200 before them where no start without folds is known, and
+/// up to 200 on each of the halved lattices, of a quarter, a sixteenth .. of the unknowns. A factorization takes
+/// O(n^1.5) time and O(n log n) memory, on one thread: 0.13 s on a lattice of 200 x 200 nodes, where 40 to 100 steps are
+/// the rule; on 1000 x 1000 nodes, by the growth of such factors, 50 to 100 times as long and 3 GB: there `Shrink` is the
+/// cheaper choice.
 ///
 /// The barrier: Schüller, Kavan, Panozzo and Sorkine-Hornung, "Locally injective mappings", 2013. The untangling
 /// follows Garanzha et al., "Foldover-free maps in 50 lines of code", 2021, with the barrier in place of the
@@ -172,8 +191,8 @@ pub fn guard(
     functional.assert_shapes(literal);
     functional.first_not_finite(functional.base)?;
     functional.first_not_finite(literal)?;
-    let frame = frame(functional.lattice.nodes);
-    if boundary::doubled_area(functional.base, &frame) >= 0.0 {
+    let border = border(functional.lattice.nodes);
+    if boundary::doubled_area(functional.base, &border) >= 0.0 {
         return guard_upright(functional, literal, fit, may_bend, solve, watch);
     }
     let [x, y] = functional.fluxes;
@@ -188,7 +207,8 @@ pub fn guard(
     let upright = Functional { fluxes: &fluxes, base: &base, freedom: &freedom, ..*functional };
     let solve = |factor: f64| solve(factor).map(|positions| in_mirror(&positions));
     let found = guard_upright(&upright, &in_mirror(literal), fit, may_bend, &solve, watch)?;
-    Ok(Guarded { positions: in_mirror(&found.positions), mirrored: true, ..found })
+    let verdict = Verdict { mirrored: true, ..found.verdict };
+    Ok(Guarded { positions: in_mirror(&found.positions), verdict })
 }
 
 fn guard_upright(
@@ -200,7 +220,8 @@ fn guard_upright(
     watch: Watch,
 ) -> Result<Guarded, Error> {
     let shape = Shape::new(functional.lattice, functional.freedom);
-    let start = Start::find(functional, &shape, watch)?;
+    let mut room = Room::new(watch);
+    let start = Start::find(functional, &shape, &mut room, watch)?;
     let floor = start.floor(functional);
     let single = match &start {
         Start::Free { positions, .. } => shape.least_exactly(&in_single_precision(positions)) >= floor,
@@ -214,15 +235,17 @@ fn guard_upright(
     if reaches(literal)? {
         return report(literal.clone(), How::Literal);
     }
-    if fit == Fit::Shrink
-        && let Some((factor, positions)) = shrink(&reaches, solve, watch)?
-    {
-        return report(positions, How::Shrunk { factor });
+    if fit == Fit::Shrink {
+        room.phase(functional.lattice.node_count() * SHRUNK_BYTES)?;
+        if let Some((factor, positions)) = shrink(&reaches, solve, &Span::new(watch, 0.0, SHRUNK))? {
+            return report(positions, How::Shrunk { factor });
+        }
     }
     if !may_bend {
         return report(literal.clone(), How::Kept);
     }
-    let (positions, steps) = Bend { functional, shape: &shape, literal, floor }.bend(start, watch)?;
+    let (positions, steps) =
+        Bend { functional, shape: &shape, literal, floor }.bend(start, &mut room, &Span::new(watch, SHRUNK, 1.0))?;
     report(positions, How::Bent { steps })
 }
 
@@ -295,7 +318,7 @@ impl Functional<'_> {
         if reached && rounded.min_jacobian < judge.floor {
             obstacles.push(Obstacle::SinglePrecision);
         }
-        Ok(Guarded {
+        let verdict = Verdict {
             min_jacobian: found.min_jacobian,
             at_cell: found.at_cell,
             floor: judge.floor,
@@ -305,14 +328,14 @@ impl Functional<'_> {
             folds: found.folds,
             literal_folds: certify(self.lattice, literal, watch)?.folds,
             obstacles,
-            positions,
-        })
+        };
+        Ok(Guarded { positions, verdict })
     }
 
     fn obstacles(&self, shape: &Shape, x: &Positions) -> Vec<Obstacle> {
         let place = |node: usize| [node % self.lattice.nodes[0], node / self.lattice.nodes[0]];
         let crosses =
-            crossing(x, &frame(self.lattice.nodes)).map(|nodes| Obstacle::BoundaryCrosses { nodes: nodes.map(place) });
+            crossing(x, &border(self.lattice.nodes)).map(|nodes| Obstacle::BoundaryCrosses { nodes: nodes.map(place) });
         let mut folded = shape.fixed().filter(|&corner| shape::exact_cross(x, corner) <= 0.0).peekable();
         let first = folded.peek().copied();
         let count = folded.count();

@@ -1,11 +1,12 @@
 //! Warps without folds to start from.
 
-use super::boundary::{doubled_area, frame};
+use super::boundary::doubled_area;
 use super::shape::Shape;
 use super::{Error, Freedom, Functional};
 use crate::Watch;
-use crate::lattice::Positions;
+use crate::lattice::{Positions, border};
 use crate::poisson;
+use crate::room::Room;
 use crate::warp::certify;
 
 /// Share of the start's least Jacobian, or of 1, that a repair may use up to.
@@ -23,12 +24,12 @@ pub(super) enum Start {
 }
 
 impl Start {
-    pub(super) fn find(functional: &Functional, shape: &Shape, watch: Watch) -> Result<Self, Error> {
+    pub(super) fn find(functional: &Functional, shape: &Shape, room: &mut Room, watch: Watch) -> Result<Self, Error> {
         let least = certify(functional.lattice, functional.base, watch)?.min_jacobian;
         if least > 0.0 {
             return Ok(Self::Free { positions: functional.base.clone(), least });
         }
-        let combination = combination(functional, watch)?.unwrap_or_else(|| functional.base.clone());
+        let combination = combination(functional, room, watch)?.unwrap_or_else(|| functional.base.clone());
         let least = certify(functional.lattice, &combination, watch)?.min_jacobian.min(shape.least(&combination));
         Ok(if least > 0.0 { Self::Free { positions: combination, least } } else { Self::Folded { combination } })
     }
@@ -44,18 +45,18 @@ impl Start {
 /// The mean Jacobian of all warps with the base's boundary; 1 where it is not positive.
 pub(super) fn mean_jacobian(functional: &Functional) -> f64 {
     let [width, height] = functional.lattice.size();
-    let mean = 0.5 * doubled_area(functional.base, &frame(functional.lattice.nodes)) / (width * height);
+    let mean = 0.5 * doubled_area(functional.base, &border(functional.lattice.nodes)) / (width * height);
     if mean > 0.0 { mean } else { 1.0 }
 }
 
 /// Every node the mean of its neighbours weighted by the conductances, but those that are not free as in the base.
 ///
 /// None where the system cannot be solved.
-fn combination(functional: &Functional, watch: Watch) -> Result<Option<Positions>, Error> {
+fn combination(functional: &Functional, room: &mut Room, watch: Watch) -> Result<Option<Positions>, Error> {
     let pin = |freedom: &Freedom| if *freedom == Freedom::Free { Freedom::Free } else { Freedom::Pinned };
     let freedom: Vec<Freedom> = functional.freedom.iter().map(pin).collect();
     let fluxes = functional.contraction();
-    match (Functional { fluxes: &fluxes, freedom: &freedom, ..*functional }).minimiser(watch) {
+    match (Functional { fluxes: &fluxes, freedom: &freedom, ..*functional }).minimised(room, watch) {
         Err(Error::Poisson(poisson::Error::NotPositiveDefinite)) => Ok(None),
         found => found.map(Some),
     }

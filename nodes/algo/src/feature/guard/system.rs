@@ -4,7 +4,7 @@ use super::shape::{Corner, Field};
 use super::{Error, Freedom, Functional};
 use crate::Watch;
 use crate::dissection::dissection;
-use crate::poisson;
+use crate::poisson::{self, Edges};
 use crate::room::Room;
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt::factor::LltRegularization;
@@ -30,11 +30,13 @@ pub(super) struct Blocks {
     of_node: Vec<[[f64; 4]; 5]>,
 }
 
+/// First unknown of a node, and the directions of its unknowns.
+type Place = (u32, [[f64; 2]; 2]);
+
 /// The pattern of a system, its factor, and room to work in.
 pub(super) struct System {
     nodes: [usize; 2],
-    /// First unknown and the directions of each node.
-    places: Vec<(u32, [[f64; 2]; 2])>,
+    places: Vec<Place>,
     /// Unknowns of each node.
     counts: Vec<u8>,
     pattern: SymbolicSparseColMat<u32>,
@@ -42,6 +44,8 @@ pub(super) struct System {
     symbolic: SymbolicCholesky<u32>,
     factor: Vec<f64>,
     scratch: MemBuffer,
+    /// That it and its steps hold, and what is held beside.
+    pub(super) bytes: usize,
 }
 
 impl Blocks {
@@ -55,13 +59,9 @@ impl Blocks {
                 of_node[from][way][i] -= 2.0 * c;
             }
         };
-        for (e, &c) in functional.conductances.horizontal.iter().enumerate() {
-            let from = e + e / (columns - 1);
-            edge(from, from + 1, 1, c);
-        }
-        for (e, &c) in functional.conductances.vertical.iter().enumerate() {
-            edge(e, e + columns, 3, c);
-        }
+        let Edges { horizontal, vertical } = functional.conductances;
+        functional.horizontal().for_each(|(e, from, to)| edge(from, to, 1, horizontal[e]));
+        functional.vertical().for_each(|(e, from, to)| edge(from, to, 3, vertical[e]));
         Self { columns, of_node }
     }
 
@@ -97,49 +97,38 @@ impl System {
     /// The system of a lattice whose nodes may move so; None where none may.
     ///
     /// Every cell couples all its nodes, so one symbolic factorization serves whatever corners are active.
-    pub(super) fn new(nodes: [usize; 2], freedom: &[Freedom], watch: Watch) -> Result<Option<Self>, Error> {
-        let bases: Vec<([[f64; 2]; 2], u8)> = freedom.iter().map(basis).collect();
-        let n: usize = bases.iter().map(|&(_, count)| usize::from(count)).sum();
+    ///
+    /// * `before`: bytes that are held beside it meanwhile.
+    pub(super) fn new(
+        nodes: [usize; 2],
+        freedom: &[Freedom],
+        before: usize,
+        room: &mut Room,
+        watch: Watch,
+    ) -> Result<Option<Self>, Error> {
+        let (places, counts, n) = places(freedom);
         if n == 0 {
             return Ok(None);
         }
         if n > i32::MAX as usize / 12 {
             return Err(poisson::Error::TooLarge.into());
         }
-        let mut room = Room::new(watch);
-        room.phase(n * SYMBOLIC_BYTES)?;
-        let mut next = 0;
-        let places: Vec<_> = bases
-            .iter()
-            .map(|&(directions, count)| {
-                next += u32::from(count);
-                (next - u32::from(count), directions)
-            })
-            .collect();
-        let counts: Vec<u8> = bases.iter().map(|&(_, count)| count).collect();
-        drop(bases);
+        room.phase(before + n * SYMBOLIC_BYTES)?;
         watch.go_on()?;
         let pattern = pattern(nodes, &places, &counts, n);
-        let (forward, inverse) = order(nodes, &places, &counts);
-        watch.go_on()?;
-        let ordering = SymmetricOrdering::Custom(PermRef::new_checked(&forward, &inverse, n));
-        let parameters = CholeskySymbolicParams {
-            supernodal_flop_ratio_threshold: SupernodalThreshold::FORCE_SUPERNODAL,
-            ..Default::default()
-        };
-        let symbolic = factorize_symbolic_cholesky(pattern.as_ref(), Side::Lower, ordering, parameters)
-            .map_err(poisson::Error::from)?;
+        let symbolic = analyze(nodes, &places, &counts, &pattern, watch)?;
         let request = symbolic
             .factorize_numeric_llt_scratch::<f64>(Par::Seq, Spec::default())
             .or(symbolic.solve_in_place_scratch::<f64>(1, Par::Seq));
         let held = symbolic.len_val() * size_of::<f64>() + request.unaligned_bytes_required();
-        room.phase(n * SYMBOLIC_BYTES + held + freedom.len() * STEP_BYTES)?;
+        let bytes = before + n * SYMBOLIC_BYTES + held + freedom.len() * STEP_BYTES;
+        room.phase(bytes)?;
         let mut factor = Vec::new();
         factor.try_reserve_exact(symbolic.len_val()).map_err(|_| poisson::Error::OutOfMemory)?;
         factor.resize(symbolic.len_val(), 0.0);
         let scratch = MemBuffer::try_new(request).map_err(|_| poisson::Error::OutOfMemory)?;
         let matrix = Vec::with_capacity(pattern.row_idx().len());
-        Ok(Some(Self { nodes, places, counts, pattern, matrix, symbolic, factor, scratch }))
+        Ok(Some(Self { nodes, places, counts, pattern, matrix, symbolic, factor, scratch, bytes }))
     }
 
     /// The step s of `blocks s = -gradient`, 0 where nodes may not move.
@@ -215,6 +204,38 @@ fn basis(freedom: &Freedom) -> ([[f64; 2]; 2], u8) {
     }
 }
 
+/// The place of every node, the count of its unknowns, and that of all.
+fn places(freedom: &[Freedom]) -> (Vec<Place>, Vec<u8>, usize) {
+    let mut n = 0;
+    let place = |freedom: &Freedom| {
+        let (directions, count) = basis(freedom);
+        let first = n as u32;
+        n += usize::from(count);
+        ((first, directions), count)
+    };
+    let (places, counts) = freedom.iter().map(place).unzip();
+    (places, counts, n)
+}
+
+/// The structure of the factor, in the order of a nested dissection.
+fn analyze(
+    nodes: [usize; 2],
+    places: &[Place],
+    counts: &[u8],
+    pattern: &SymbolicSparseColMat<u32>,
+    watch: Watch,
+) -> Result<SymbolicCholesky<u32>, Error> {
+    let (forward, inverse) = order(nodes, places, counts);
+    watch.go_on()?;
+    let ordering = SymmetricOrdering::Custom(PermRef::new_checked(&forward, &inverse, forward.len()));
+    let parameters = CholeskySymbolicParams {
+        supernodal_flop_ratio_threshold: SupernodalThreshold::FORCE_SUPERNODAL,
+        ..Default::default()
+    };
+    Ok(factorize_symbolic_cholesky(pattern.as_ref(), Side::Lower, ordering, parameters)
+        .map_err(poisson::Error::from)?)
+}
+
 /// A node itself and those of its neighbours that come later, rising, with their places in [`Blocks`].
 fn neighbours(node: usize, [columns, rows]: [usize; 2]) -> impl Iterator<Item = (usize, usize)> {
     let (column, row) = (node % columns, node / columns);
@@ -231,7 +252,7 @@ fn neighbours(node: usize, [columns, rows]: [usize; 2]) -> impl Iterator<Item = 
 }
 
 /// The lower triangle over the unknowns, row-major nodes, those of a node next to each other.
-fn pattern(nodes: [usize; 2], places: &[(u32, [[f64; 2]; 2])], counts: &[u8], n: usize) -> SymbolicSparseColMat<u32> {
+fn pattern(nodes: [usize; 2], places: &[Place], counts: &[u8], n: usize) -> SymbolicSparseColMat<u32> {
     let (mut starts, mut indices) = (Vec::with_capacity(n + 1), Vec::with_capacity(10 * n));
     starts.push(0);
     for node in 0..places.len() {
@@ -246,7 +267,7 @@ fn pattern(nodes: [usize; 2], places: &[(u32, [[f64; 2]; 2])], counts: &[u8], n:
 }
 
 /// The elimination order of the unknowns and its inverse: nested dissection of the lattice.
-fn order([columns, rows]: [usize; 2], places: &[(u32, [[f64; 2]; 2])], counts: &[u8]) -> (Vec<u32>, Vec<u32>) {
+fn order([columns, rows]: [usize; 2], places: &[Place], counts: &[u8]) -> (Vec<u32>, Vec<u32>) {
     let forward: Vec<u32> = dissection(columns, rows)
         .into_iter()
         .flat_map(|node| (0..u32::from(counts[node as usize])).map(move |k| places[node as usize].0 + k))

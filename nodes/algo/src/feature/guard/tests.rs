@@ -38,7 +38,7 @@ fn random_cases_do_not_fold() {
             let case = Case::random(seed);
             let found = case.guarded(fit);
             assert_eq!(case.violations(&found), [""; 0], "case {seed}, {fit:?}");
-            folded += usize::from(found.literal_folds > 0);
+            folded += usize::from(found.verdict.literal_folds > 0);
         }
     }
     assert!(folded >= 2, "{folded} folded");
@@ -49,23 +49,27 @@ fn what_does_not_fold_keeps_its_bits() {
     let turned = |p: [f64; 2]| [0.8 * p[0] - 0.3 * p[1] + 7.0, 0.3 * p[0] + 0.8 * p[1]];
     let case = Case::new(SQUARE, Positions::from_map(&SQUARE, turned), &DISCS, false);
     let (found, literal) = (bent(&case), case.literal(1.0).expect("solved"));
-    assert_eq!((found.how, &found.positions, found.reached), (How::Literal, &literal, true));
-    assert_eq!(found.obstacles, []);
+    assert_eq!((found.verdict.how, &found.positions, found.verdict.reached), (How::Literal, &literal, true));
+    assert_eq!(found.verdict.obstacles, []);
 }
 
 #[test]
 fn a_squeeze_is_bent_or_shrunk() {
     let case = Case::new(SQUARE, squeezed(&SQUARE, 0.4, 1.0), &DISCS, true);
     let (bent, shrunk) = (bent(&case), case.guarded(Fit::Shrink));
-    assert!(bent.literal_folds > 0 && matches!(bent.how, How::Bent { steps } if steps > 0), "{:?}", bent.how);
-    let How::Shrunk { factor } = shrunk.how else { panic!("{:?}", shrunk.how) };
+    assert!(
+        bent.verdict.literal_folds > 0 && matches!(bent.verdict.how, How::Bent { steps } if steps > 0),
+        "{:?}",
+        bent.verdict.how
+    );
+    let How::Shrunk { factor } = shrunk.verdict.how else { panic!("{:?}", shrunk.verdict.how) };
     assert!(factor > 0.3 && factor < 1.0, "{factor}");
     for found in [&bent, &shrunk] {
         assert_eq!(case.violations(found), [""; 0]);
     }
     // The next larger factor that bisection saw folds.
     let larger = case.literal(factor + 0.01).expect("solved");
-    assert!(certify(&SQUARE, &larger, UNWATCHED).expect("unwatched").min_jacobian < shrunk.floor);
+    assert!(certify(&SQUARE, &larger, UNWATCHED).expect("unwatched").min_jacobian < shrunk.verdict.floor);
 }
 
 #[test]
@@ -106,15 +110,18 @@ fn any_interior_is_repaired_within_a_convex_boundary() {
         }
         for discs in [&[][..], &DISCS] {
             let found = bent(&Case::new(SQUARE, base.clone(), discs, false));
-            assert!(found.literal_folds > 0 && found.reached && found.folds == 0, "{seed}: {found:?}");
-            assert!(found.obstacles.is_empty(), "{:?}", found.obstacles);
+            assert!(
+                found.verdict.literal_folds > 0 && found.verdict.reached && found.verdict.folds == 0,
+                "{seed}: {found:?}"
+            );
+            assert!(found.verdict.obstacles.is_empty(), "{:?}", found.verdict.obstacles);
         }
     }
     let smallest = Lattice { nodes: [3, 3], ..SQUARE };
     let mut base = Positions::from_map(&smallest, |p| p);
     base.x[4] = 50.0;
     let found = bent(&plain(&smallest, &base));
-    assert!(found.reached && (found.positions.x[4] - 2.0).abs() < 2.0, "{found:?}");
+    assert!(found.verdict.reached && (found.positions.x[4] - 2.0).abs() < 2.0, "{found:?}");
 }
 
 /// Every node of the frame is given, the polygon is simple and convex at the corners, and no centre unfolds it.
@@ -124,8 +131,8 @@ fn where_no_map_exists_none_is_claimed() {
     let x = vec![0.0, 2.0, 10.0, 1.0, 5.0, 9.0, 0.0, 9.0, 10.0];
     let y = vec![0.0, 8.0, 0.0, 6.0, 5.0, 2.0, 10.0, 4.0, 10.0];
     let found = bent(&plain(&nine, &Positions { x, y }));
-    assert!(!found.reached && found.folds > 0 && found.min_jacobian <= 0.0, "{found:?}");
-    assert_eq!(found.obstacles, []);
+    assert!(!found.verdict.reached && found.verdict.folds > 0 && found.verdict.min_jacobian <= 0.0, "{found:?}");
+    assert_eq!(found.verdict.obstacles, []);
 }
 
 #[test]
@@ -143,7 +150,10 @@ fn untangling_finds_maps_within_boundaries_that_are_not_convex() {
             base.y[node] += noise.within(-4.0, 4.0);
         }
         let found = bent(&plain(&SQUARE, &base));
-        assert!(found.literal_folds > 10 && found.reached && found.folds == 0, "{seed}: {found:?}");
+        assert!(
+            found.verdict.literal_folds > 10 && found.verdict.reached && found.verdict.folds == 0,
+            "{seed}: {found:?}"
+        );
     }
 }
 
@@ -152,15 +162,15 @@ fn nothing_to_move_gives_the_base() {
     let mut case = Case::new(SQUARE, squeezed(&SQUARE, 0.4, 1.0), &DISCS, true);
     case.freedom.fill(Freedom::Pinned);
     let found = bent(&case);
-    assert_eq!((&found.positions, found.how), (&case.base, How::Literal));
+    assert_eq!((&found.positions, found.verdict.how), (&case.base, How::Literal));
     let fluxes = case.fluxes(1.0);
     let mut folded = case.base.clone();
     folded.x[20] += 30.0;
     let functional = Functional { base: &folded, ..case.functional(&fluxes) };
     let found = guard(&functional, &folded, Fit::Bend, true, &no_solve, UNWATCHED).expect("done");
-    assert!(!found.reached && found.positions == folded);
+    assert!(!found.verdict.reached && found.positions == folded);
     let told = |&obstacle: &Obstacle| matches!(obstacle, Obstacle::PinnedCorner { count, .. } if count > 0);
-    assert!(found.obstacles.iter().any(told), "{:?}", found.obstacles);
+    assert!(found.verdict.obstacles.iter().any(told), "{:?}", found.verdict.obstacles);
     for nodes in [[2, 2], [2, 9], [7, 2]] {
         let lattice = Lattice { nodes, ..SQUARE };
         let base = squeezed(&lattice, 0.5, 0.5);
@@ -173,7 +183,7 @@ fn nodes_slide_along_their_direction_only() {
     let mut case = Case::new(SQUARE, squeezed(&SQUARE, 0.4, 1.0), &[[4.0, 0.0, 3.2], [9.5, 0.0, 2.4]], true);
     (1..13).for_each(|node| case.freedom[node] = Freedom::Along([3.0, 0.0]));
     let found = bent(&case);
-    assert!(found.literal_folds > 0);
+    assert!(found.verdict.literal_folds > 0);
     assert_eq!(case.violations(&found), [""; 0]);
     assert!((1..13).all(|node| found.positions.y[node] == case.base.y[node]));
     assert!((1..13).any(|node| (found.positions.x[node] - case.base.x[node]).abs() > 0.1), "none slid");
@@ -190,7 +200,8 @@ fn mirrored_warps_are_repaired_in_a_mirror() {
     let functional = Functional { fluxes: &fluxes, base: &base, ..upright.functional(&fluxes) };
     let found = guard(&functional, &in_mirror(&literal), Fit::Bend, true, &no_solve, UNWATCHED).expect("done");
     let expected = bent(&upright);
-    assert_eq!(found, Guarded { positions: in_mirror(&expected.positions), mirrored: true, ..expected });
+    let verdict = Verdict { mirrored: true, ..expected.verdict };
+    assert_eq!(found, Guarded { positions: in_mirror(&expected.positions), verdict });
 }
 
 #[test]
@@ -198,17 +209,26 @@ fn obstacles_are_named() {
     // The boundary of a bow tie crosses itself; the corners of its crossed half are the wrong way round.
     let bow = Positions::from_map(&SQUARE, |[x, y]| [(x - 13.0) * (14.0 - y), y]);
     let found = bent(&plain(&SQUARE, &bow));
-    assert!(!found.reached && found.obstacles.iter().any(|o| matches!(o, Obstacle::BoundaryCrosses { .. })));
-    assert!(found.obstacles.iter().any(|o| matches!(o, Obstacle::PinnedCorner { .. })), "{:?}", found.obstacles);
+    assert!(
+        !found.verdict.reached && found.verdict.obstacles.iter().any(|o| matches!(o, Obstacle::BoundaryCrosses { .. }))
+    );
+    assert!(
+        found.verdict.obstacles.iter().any(|o| matches!(o, Obstacle::PinnedCorner { .. })),
+        "{:?}",
+        found.verdict.obstacles
+    );
     let mut base = squeezed(&SQUARE, 1.0, 1.0);
     base.x[5] = base.x[6];
     let found = bent(&plain(&SQUARE, &base));
-    assert!(!found.reached && found.obstacles.contains(&Obstacle::CollapsedEdge { nodes: [[5, 0], [6, 0]] }));
+    assert!(
+        !found.verdict.reached
+            && found.verdict.obstacles.contains(&Obstacle::CollapsedEdge { nodes: [[5, 0], [6, 0]] })
+    );
     // Too far from the origin for single precision.
     let far = Lattice { origin: [1e8, 0.0], spacing: [0.25; 2], nodes: [6, 6] };
     let found = bent(&plain(&far, &Positions::from_map(&far, |p| p)));
     assert_eq!(
-        (found.how, found.reached, &found.obstacles[..]),
+        (found.verdict.how, found.verdict.reached, &found.verdict.obstacles[..]),
         (How::Literal, true, &[Obstacle::SinglePrecision][..])
     );
 }
@@ -226,7 +246,7 @@ fn numbers_that_are_not_finite_are_told_or_harmless() {
     let mut fluxes = fluxes;
     fluxes[0].horizontal[40] = f64::NAN;
     let found = guard(&case.functional(&fluxes), &literal, Fit::Bend, true, &no_solve, UNWATCHED).expect("done");
-    assert!(found.reached && found.positions.x.iter().chain(&found.positions.y).all(|value| value.is_finite()));
+    assert!(found.verdict.reached && found.positions.x.iter().chain(&found.positions.y).all(|value| value.is_finite()));
 }
 
 #[test]

@@ -162,7 +162,7 @@ fn exact_features_are_exact() {
             let factor = prepared(&Structure { exact, ..structure(&SQUARE, &cells) });
             let deviations = |on_conflict| aimed(&factor, &warp, &Targets { on_conflict, ..Targets::default() });
             let stays = deviations(OnConflict::NoFold);
-            let [kept, ..] = [deviations(OnConflict::KeepShape)];
+            let kept = deviations(OnConflict::KeepShape);
             assert_eq!((&stays.conflicts, &kept.conflicts), (&vec![4, 9], &vec![4, 9]));
             for (stays, kept) in stays.features.iter().zip(&kept.features) {
                 assert!(kept.deviation_cells < 1e-9 && kept.mirrored == mirrored, "{kept:?}");

@@ -14,6 +14,7 @@ pub(super) struct Level {
     pub(super) right: Vec<f32>,
     /// From every node to the one below.
     pub(super) down: Vec<f32>,
+    /// Of the sums of the conductances at every inner node; 0 on the frame.
     pub(super) inverse: Vec<f32>,
 }
 
@@ -37,7 +38,8 @@ pub(super) struct Around<'a> {
 }
 
 impl Level {
-    /// Of edge arrays over the whole lattice, row-major: `right` is `columns` wide too, its last column unused.
+    /// Of the conductances from the node at a column and a row to the right one and to the one below, asked for where
+    /// there is such a node and not both are on the frame.
     fn new(
         [columns, rows]: [usize; 2],
         right: impl Fn(usize, usize) -> f32,

@@ -69,7 +69,7 @@ impl Multigrid {
     pub(super) fn new(laplacian: &GridLaplacian, watch: Watch) -> Result<Self, Error> {
         let Edges { horizontal, vertical } = &laplacian.conductances;
         watch.reserve(held_bytes(laplacian.nodes))?;
-        let scale = 1.0 / larger(largest(horizontal), largest(vertical));
+        let scale = 1.0 / laplacian.stiffest();
         let mut levels = vec![Level::finest(laplacian.nodes, horizontal, vertical, scale)];
         while let Some(finest) = levels.last().filter(|level| level.columns.min(level.rows) > COARSEST) {
             watch.go_on()?;
@@ -108,6 +108,9 @@ impl Multigrid {
             self.load(laplacian, flux, field, &mut arrays[0].residual);
             let error = self.correct(0, arrays, ITERATIONS, tolerance, &mut least, watch)?;
             self.add(&arrays[0].solution, field);
+            if error.is_nan() {
+                return Err(Error::Inaccurate { residual: error });
+            }
             if error <= tolerance {
                 return Ok(relative(self.load(laplacian, flux, field, &mut arrays[0].residual), first));
             }
@@ -174,7 +177,7 @@ impl Multigrid {
     }
 
     /// Conjugate gradients for the residual of a level: its `solution` becomes the correction. Gives a bound of the
-    /// error left.
+    /// error left, infinite where single precision does not tell, NaN where it does not hold the numbers.
     fn correct(
         &self,
         l: usize,
@@ -194,6 +197,9 @@ impl Multigrid {
             let tally = self.cycle(l, arrays)?;
             *least = least.min(spectrum.least());
             error = SAFETY * f64::from(tally.largest) / *least;
+            if error.is_nan() {
+                return Ok(error);
+            }
             let arrays = &mut arrays[l];
             if iteration == 0 {
                 first = tally.largest;

@@ -1,5 +1,5 @@
-//! Passes over the rows of one level; smoothing sweeps follow each other a row apart, so
-//! that an array crosses the memory bus once.
+//! Passes over the rows of one level; smoothing sweeps follow each other a row apart, so that an array crosses the
+//! memory bus once.
 //!
 //! Red nodes are those with an even sum of column and row, black the others.
 
@@ -15,7 +15,7 @@ const LANES: usize = 16;
 pub(super) struct Tally {
     /// Scalar product of the residual and the correction.
     pub(super) product: f64,
-    /// Largest magnitude of the correction.
+    /// Largest magnitude of the correction; NaN where there is one.
     pub(super) largest: f32,
 }
 
@@ -109,7 +109,7 @@ fn ascend_rows(level: &Level, coarser: &Level, b: &[f32], coarse: &[f32], z: &mu
             relax(level, b, z, row, row % 2);
             let (b, z) = (level.row(b, row), level.row(z, row));
             tally.product += product(b, z);
-            tally.largest = tally.largest.max(largest(z));
+            tally.largest = larger(tally.largest, largest(z));
         }
     }
     tally
@@ -262,15 +262,21 @@ fn fold(length: usize, step: impl Fn(usize, f32) -> f32) -> f64 {
     sums.iter().map(|sum| f64::from(*sum)).sum()
 }
 
+/// The larger one; NaN where one is.
+#[inline(always)]
+fn larger(a: f32, b: f32) -> f32 {
+    if b > a || b.is_nan() { b } else { a }
+}
+
 #[inline(always)]
 fn largest(values: &[f32]) -> f32 {
     let runs = values.chunks_exact(LANES);
-    let rest = runs.remainder().iter().fold(0.0_f32, |most, value| most.max(value.abs()));
+    let rest = runs.remainder().iter().fold(0.0, |most, value| larger(most, value.abs()));
     let mut most = [0.0_f32; LANES];
     for run in runs {
         for lane in 0..LANES {
-            most[lane] = if run[lane].abs() > most[lane] { run[lane].abs() } else { most[lane] };
+            most[lane] = larger(most[lane], run[lane].abs());
         }
     }
-    most.iter().fold(rest, |a, b| a.max(*b))
+    most.iter().fold(rest, |a, b| larger(a, *b))
 }
