@@ -453,14 +453,15 @@ impl Factor {
                 break;
             }
         }
-        let solved = || remainders.iter().zip(&right_hand_sides).zip(&*fields).all(|((r, b), x)| self.solves(r, *b, x));
+        let solved = || remainders.iter().zip(fluxes).zip(&*fields).all(|((rest, flux), x)| self.solves(rest, flux, x));
         if residual <= PROBE_LIMIT || solved() { Ok(residual) } else { Err(Error::Inaccurate { residual }) }
     }
 
-    /// Whether a field leaves no more of a right-hand side of largest entry `b` than rounding its numbers may: their
-    /// sums reach b + |A| |x|, and |A| is at most 8 times the largest conductance.
-    fn solves(&self, remainder: &[f64], b: f64, field: &[f64]) -> bool {
-        let reach = b + 8.0 * self.laplacian.stiffest() * largest(field);
+    /// Whether a field leaves no more than rounding the numbers in its residual may: four fluxes, and four differences
+    /// times a conductance.
+    fn solves(&self, remainder: &[f64], flux: &Edges, field: &[f64]) -> bool {
+        let flux = larger(largest(&flux.horizontal), largest(&flux.vertical));
+        let reach = 4.0 * flux + 8.0 * self.laplacian.stiffest() * largest(field);
         largest(remainder) <= PROBE_LIMIT * reach.min(f64::MAX)
     }
 

@@ -412,3 +412,17 @@ fn threads_do_not_matter_and_every_watch_is_obeyed() {
         }
     }
 }
+
+/// Fluxes whose divergence is rounding alone are no reason to doubt a solution.
+#[test]
+fn what_rounding_leaves_of_large_fluxes_is_solved() {
+    let nodes = [23, 17];
+    let mut conductances = random_conductances(nodes, 5);
+    // Fluxes of one size everywhere, but for their last bits.
+    conductances.horizontal.iter_mut().chain(&mut conductances.vertical).for_each(|c| *c = c.min(2.0));
+    let factor = factored(nodes, &conductances);
+    let mut number = noise(9);
+    let flux = random_edges(nodes, || 1e3 + 1e-12 * number());
+    let solution = factor.solve(&[flux], &[&[0.0; 23 * 17]], 1e-6, UNWATCHED).expect("solved");
+    assert!(largest(&solution.fields[0]) < 1e-9);
+}
