@@ -221,8 +221,6 @@ fn what_is_too_coarse_or_folds_is_not_written() {
     let (still, wild) =
         ("Affine(grid: \"grid\")", "Wave(grid: \"grid\", amplitude: 30.0, wavelength: 17.0, direction: 30.0)");
     for (warp, more, parameter, message) in [
-        (still, "depth: Half", "depth", "depth Half is too coarse for positions; it may be Float"),
-        (still, "depth: U16", "depth", "U16 is too coarse"),
         (still, "compression: Pxr24", "compression", "Pxr24 loses digits"),
         (still, "compression: Dwaa", "compression", "it may be None, Rle, Zips, Zip or Piz"),
         (still, "channels: (x: \"A\")", "channels", "not `A`, `G` and `A`"),
