@@ -134,8 +134,8 @@ fn what_may_not_be_expected_is_told() {
     }
     for (nodes, message) in [
         (
-            r#""other": Polygon(domain: "twice", points: [(0.0, 0.0), (9.0, 0.0), (9.0, 9.0)]),
-               "out": FeatureFactor(grid: "grid", features: "parts", soft: "other")"#,
+            r#""elsewhere": Polygon(domain: "twice", points: [(0.0, 0.0), (9.0, 0.0), (9.0, 9.0)]),
+               "out": FeatureFactor(grid: "grid", features: "parts", soft: "elsewhere")"#,
             "the soft mask's format is x from 0 to 80 and y from 0 to 60, the features' x from 0 to 40 and y from 0 to 30",
         ),
         (
@@ -149,7 +149,17 @@ fn what_may_not_be_expected_is_told() {
             "exact features keep to the border where they touch it, not to their shape (labels: 1); use on_conflict:",
         ),
         (
-            r#""curl": Swirl(grid: "grid", angle: 3600.0), "out": FeatureWarp(warp: "curl", factor: "factor")"#,
+            r#""bulge": Bulge(grid: "grid"), "more": Lattice(domain: "plate", cell: 5.0, overscan: 64.0),
+               "out": Invert(warp: "bulge", grid: "more")"#,
+            "the inverse folds in 48 cells: 1082 of its 1155 nodes lie outside of the warp's image, where it is continued; ",
+        ),
+        (
+            r#""off": Affine(grid: "grid", translate: (1e6, 0.0)),
+               "out": SaveWarp(warp: "off", path: "off.exr", inverse: true)"#,
+            "positions are stored to within 0.031 px only: ",
+        ),
+        (
+            r#""curl": Swirl(grid: "grid", angle: 3600.0, radius: 30.0), "out": FeatureWarp(warp: "curl", factor: "factor")"#,
             "the warp still folds in ",
         ),
         (
