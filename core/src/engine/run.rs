@@ -311,8 +311,7 @@ impl Worker<'_> {
         }
         let Outputs { values, stats, warnings } = outputs;
         let insert = |(outline, value)| self.engine.store.insert_value(outline, value, seconds, lease);
-        let kept: Vec<Arc<Kept>> =
-            self.engine.pool.install(|| outlines.iter().zip(values).map(insert).collect());
+        let kept: Vec<Arc<Kept>> = self.engine.pool.install(|| outlines.iter().zip(values).map(insert).collect());
         let is_recompute = known.is_some();
         let record = known.unwrap_or_else(|| {
             let record = Arc::new(Record { outputs: outlines, artifacts, stats, warnings, seconds });
