@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value as Json, json};
 use warploom_core::diag::{Code, Fault};
-use warploom_core::engine::{Delivery, plain, write_file};
+use warploom_core::engine::{Delivery, cannot_write, plain, write_file};
 use warploom_core::graph::frames::{expand_pattern, folded, has_pattern, paths_over};
 use warploom_core::graph::plan::Plan;
 use warploom_core::node::{NodeError, OutputKind};
@@ -133,7 +133,8 @@ pub fn write(dumps: &[Planned], delivery: &Delivery, wrote: impl Fn(&Path)) -> R
         })?;
         for path in dump.paths(delivery.frame) {
             write_file(&path, &bytes).map_err(|error| {
-                Fault::new(Code::OutputUnwritable, format!("cannot write {}: {}", path.display(), plain(&error)))
+                let message = format!("cannot write {}: {}", path.display(), plain(&error));
+                Fault::new(Code::OutputUnwritable, message).hint(cannot_write(&error).to_owned())
             })?;
             wrote(&path);
         }

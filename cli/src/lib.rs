@@ -23,6 +23,7 @@ use args::{Command, Line};
 /// Runs the command line of this process.
 pub fn main() -> ExitCode {
     warploom_core::value::give_back_freed_memory();
+    warploom_core::engine::let_large_writes_fail();
     let line = Line::parse();
     let registry = Registry::new(warploom_nodes::NODES);
     // What panics here was printed already; the code says whose bug it is.

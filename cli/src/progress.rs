@@ -1,17 +1,19 @@
 //! How a run is shown while it goes on.
 
+use std::collections::HashMap;
 use std::io::IsTerminal;
 use std::path::Path;
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde_json::{Value as Json, json};
+use warploom_core::diag::Fault;
 use warploom_core::engine::{Event, Observer, Report, Status};
 
 use crate::args::Progress;
-use crate::terminal::{note, rendered, say};
+use crate::terminal::{counted, note, rendered, say, show};
 
 /// Shows events in one dialect.
 pub struct Display {
@@ -22,6 +24,15 @@ pub struct Display {
     pairs: AtomicUsize,
     pairs_done: AtomicUsize,
     percent: Mutex<usize>,
+    warned: Mutex<Warned>,
+}
+
+/// Warnings so far: a film's nodes warn in every frame, and the first frame's is enough.
+#[derive(Default)]
+struct Warned {
+    /// The frame of each node's that were shown.
+    shown: HashMap<String, Option<i64>>,
+    left_out: usize,
 }
 
 impl Display {
@@ -50,12 +61,18 @@ impl Display {
             pairs: count(),
             pairs_done: count(),
             percent: Mutex::new(0),
+            warned: Mutex::default(),
         }
     }
 
     /// A line about the whole run, in the dialects for people.
     pub fn summary(&self, report: &Report) {
         self.bar.finish_and_clear();
+        let left_out = self.warned().left_out;
+        if left_out > 0 {
+            let warnings = counted(left_out, "warning");
+            note(&format!("{warnings} more of the same nodes at other frames; --report FILE lists all"));
+        }
         if !matches!(self.dialect, Progress::Human | Progress::Plain) {
             return;
         }
@@ -84,13 +101,29 @@ impl Display {
     fn percent(&self) {
         let (done, all) = (self.pairs_done.load(Ordering::Relaxed), self.pairs.load(Ordering::Relaxed).max(1));
         let percent = (100 * done / all).min(100);
-        let mut shown = self.percent.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        let mut shown = self.percent.lock().unwrap_or_else(PoisonError::into_inner);
         if percent > *shown {
             *shown = percent;
             match self.dialect {
                 Progress::Openjd => say(&format!("openjd_progress: {percent}")),
                 _ => note(&format!("{percent}%")),
             }
+        }
+    }
+
+    fn warned(&self) -> MutexGuard<'_, Warned> {
+        self.warned.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn warn(&self, warning: &Fault) {
+        if self.dialect == Progress::None {
+            return;
+        }
+        let mut warned = self.warned();
+        let node = warning.node.clone().unwrap_or_default();
+        match *warned.shown.entry(node).or_insert(warning.frame) == warning.frame {
+            true => self.bar.suspend(|| show(warning, true)),
+            false => warned.left_out += 1,
         }
     }
 
@@ -144,6 +177,7 @@ impl Observer for Display {
                 Progress::Openjd => say(&format!("openjd_fail: {}", fault.message.replace('\n', " "))),
                 _ => self.bar.suspend(|| note(&rendered(fault, false))),
             },
+            Event::Warning(warning) => self.warn(warning),
             Event::FrameDone { frame, delivered } => self.frame_done(frame, delivered),
         }
     }
@@ -163,6 +197,7 @@ fn json_event(event: &Event<'_>) -> Json {
             "event": "output", "path": path, "bytes": bytes, "blake3": blake3, "written": written,
         }),
         Event::Fault(fault) => json!({ "event": "fault", "fault": fault }),
+        Event::Warning(warning) => json!({ "event": "warning", "warning": warning }),
         Event::FrameDone { frame, delivered } => {
             json!({ "event": "frame_done", "frame": frame, "delivered": delivered })
         }

@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use warploom_core::diag::{Code, Fault};
 use warploom_core::engine::{
-    Cancel, DEFAULT_CACHE_SIZE, Engine, Existing, Job, Report, Settings, StorePolicy, peak_bytes, plain,
+    Cancel, DEFAULT_CACHE_SIZE, Engine, Existing, Job, Report, Settings, StorePolicy, cannot_write, peak_bytes, plain,
     resident_bytes, write_file,
 };
 use warploom_core::graph::frames::folded;
@@ -136,6 +136,7 @@ fn refuse(args: &RunArgs, faults: Vec<Fault>) -> u8 {
         cache: Default::default(),
         nodes: Vec::new(),
         outputs: Vec::new(),
+        warnings: Vec::new(),
         faults,
         frames_delivered: 0,
         cancelled: false,
@@ -214,7 +215,7 @@ fn write_report(path: Option<&Path>, report: &Report) -> bool {
     let written = write_file(&absolute, &text);
     if let Err(error) = &written {
         let message = format!("the report cannot be written to {}: {}", path.display(), plain(error));
-        show(&Fault::new(Code::OutputUnwritable, message), false);
+        show(&Fault::new(Code::OutputUnwritable, message).hint(cannot_write(error).to_owned()), false);
     }
     written.is_ok()
 }

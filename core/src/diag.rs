@@ -79,6 +79,8 @@ codes! {
     MissingPlugin = "missing_plugin", exit 5;
     /// No target reaches the node.
     Unreached = "unreached", exit 0;
+    /// A node has a result that may not be what is expected.
+    Doubtful = "doubtful", exit 0;
     /// A file is missing or cannot be read.
     InputUnreadable = "input_unreadable", exit 3;
     /// A file is of a sort that is not supported.

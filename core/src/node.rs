@@ -111,17 +111,26 @@ pub struct Outputs {
     pub values: Vec<Value>,
     /// What the node measured of itself; kept with the record and shown in the report.
     pub stats: serde_json::Map<String, serde_json::Value>,
+    /// What the user should know though there is a result; kept with the record.
+    pub warnings: Vec<String>,
 }
 
 impl Outputs {
     /// Outputs in the order of the node's `OUTPUTS`.
     pub fn new(values: impl IntoIterator<Item = Value>) -> Self {
-        Self { values: values.into_iter().collect(), stats: serde_json::Map::new() }
+        Self { values: values.into_iter().collect(), ..Self::default() }
     }
 
     /// Adds a measurement; numbers that are not finite become null.
     pub fn stat(mut self, name: &str, value: impl Into<serde_json::Value>) -> Self {
         self.stats.insert(name.to_owned(), value.into());
+        self
+    }
+
+    /// Adds a warning, if there is one: what is not as the user would expect, with the value, the place and the mend.
+    /// It is told whenever the outputs are made or reused.
+    pub fn warning(mut self, text: impl Into<Option<String>>) -> Self {
+        self.warnings.extend(text.into());
         self
     }
 }

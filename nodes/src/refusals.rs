@@ -1,6 +1,8 @@
 //! What warps and solvers are refused for: told with values, and with the mend.
 
-use crate::io::warp_tests::{fault, folder};
+use crate::io::warp_tests::{fault, folder, warnings};
+
+const FAR: &str = "make the warp weaker, or look at what feeds it";
 
 const STAGE: &str = r#"
     "plate": Constant(size: (40, 30), color: (1.0, 1.0, 1.0, 1.0)), "twice": Constant(size: (80, 60)),
@@ -9,6 +11,8 @@ const STAGE: &str = r#"
     "warp": Arch(grid: "grid"), "other": Arch(grid: "wide"), "round": Affine(grid: "ring"),
     "mask": Threshold(image: "plate", channel: "A", above: 0.5), "parts": Components(mask: "mask"),
     "factor": FeatureFactor(grid: "grid", features: "parts"),
+    "far": Affine(grid: "grid", translate: (2e9, 0.0)), "long": Stretch(grid: "grid", x: 1e4),
+    "flat": Stretch(grid: "grid", x: 0.0), "handles": HandleFactor(grid: "grid"),
     "back": Invert(warp: "warp", gives: OtherWay, grid: "grid"),
 "#;
 
@@ -65,9 +69,106 @@ fn refusals_have_values_and_a_mend() {
             format!("the whole lattice ({is}) lies beyond the horizon"),
             "make the sides of the quadrangle less convergent, or warp a lattice nearer to it",
         ),
+        (
+            r#"Stretch(grid: "grid", x: 1e12)"#,
+            None,
+            "the warp takes the node at column 0, row 0 to (-19999999999980, 0) px; positions reach to 2147483648 px"
+                .into(),
+            FAR,
+        ),
+        (
+            r#"Blend(warp: "far", amount: 2.0)"#,
+            None,
+            "the warp takes the node at column 0, row 0 to (4000000000, ".into(),
+            FAR,
+        ),
+        (
+            r#"Handles(factor: "handles", points: [(from: (0.0, 0.0), to: (0.0, 1e12))])"#,
+            None,
+            "the warp takes the node at column 0, row 0 to (".into(),
+            FAR,
+        ),
+        (
+            r#"Resample(image: "plate", warp: "long")"#,
+            Some("warp"),
+            "the result would be 400000 x 30 px; a side may be 1 to 65536 px long".into(),
+            "draw the display window alone: crop: true",
+        ),
+        (
+            r#"Resample(image: "plate", warp: "long", fit: true)"#,
+            Some("warp"),
+            "the result would be 400000 x 30 px; a side may be 1 to 65536 px long".into(),
+            "give a size instead of fit, and draw no more than that: crop: true",
+        ),
+        (
+            r#"Resample(image: "plate", warp: "warp", fit: true, size: (9, 9))"#,
+            Some("fit"),
+            "a size and fit exclude each other".into(),
+            "leave one of them out",
+        ),
+        (
+            r#"Invert(warp: "flat")"#,
+            Some("warp"),
+            "the warp takes all nodes onto one line, and has no inverse".into(),
+            "let it keep some width and height",
+        ),
     ] {
         let fault = fault(&folder, &format!("{STAGE} \"out\": {node}"));
         assert_eq!((fault.parameter.as_deref(), fault.hint.as_deref()), (parameter, Some(hint)), "{fault:#?}");
         assert!(fault.message.starts_with(&message), "{node}: {fault:#?}");
+    }
+}
+
+#[test]
+fn what_may_not_be_expected_is_told() {
+    let folder = folder();
+    let told = |nodes: &str| warnings(&folder, &format!("{STAGE} {nodes}"));
+    for sound in [
+        r#""out": FeatureFactor(grid: "grid", features: "parts", soft: "mask")"#,
+        r#""out": FeatureWarp(warp: "warp", factor: "factor")"#,
+        r#""out": Invert(warp: "warp")"#,
+        r#""out": SaveWarp(warp: "warp", path: "sound.exr")"#,
+        r#""out": Handles(factor: "handles", points: [(from: (0.0, 0.0), to: (0.0, 30.0))])"#,
+    ] {
+        assert_eq!(told(sound), [""; 0], "{sound}");
+    }
+    for (nodes, message) in [
+        (
+            r#""elsewhere": Polygon(domain: "twice", points: [(0.0, 0.0), (9.0, 0.0), (9.0, 9.0)]),
+               "out": FeatureFactor(grid: "grid", features: "parts", soft: "elsewhere")"#,
+            "the soft mask's format is x from 0 to 80 and y from 0 to 60, the features' x from 0 to 40 and y from 0 to 30",
+        ),
+        (
+            r#""away": Affine(grid: "grid", translate: (1000.0, 0.0)), "beside": Resample(image: "mask", warp: "away"),
+               "out": FeatureFactor(grid: "grid", features: "parts", soft: "beside")"#,
+            "the soft mask covers x from 1000 to 1040 and y from 0 to 30, nothing of the lattice",
+        ),
+        (
+            r#""exact": FeatureFactor(grid: "grid", features: "parts", exact: Similarity),
+               "out": FeatureWarp(warp: "warp", factor: "exact")"#,
+            "exact features keep to the border where they touch it, not to their shape (labels: 1); use on_conflict:",
+        ),
+        (
+            r#""bulge": Bulge(grid: "grid"), "more": Lattice(domain: "plate", cell: 5.0, overscan: 64.0),
+               "out": Invert(warp: "bulge", grid: "more")"#,
+            "the inverse folds in 48 cells: 1082 of its 1155 nodes lie outside of the warp's image, where it is continued; ",
+        ),
+        (
+            r#""off": Affine(grid: "grid", translate: (1e6, 0.0)),
+               "out": SaveWarp(warp: "off", path: "off.exr", inverse: true)"#,
+            "positions are stored to within 0.031 px only: ",
+        ),
+        (
+            r#""curl": Swirl(grid: "grid", angle: 3600.0, radius: 30.0), "out": FeatureWarp(warp: "curl", factor: "factor")"#,
+            "the warp still folds in ",
+        ),
+        (
+            r#""out": Handles(factor: "handles", points: [(from: (1.0, 1.0), to: (1.0, 1.0)), (from: (4.0, 1.0), to: (4.0, 1.0)),
+                (from: (1.0, 4.0), to: (1.0, 4.0)), (from: (4.0, 4.0), to: (4.0, 4.0)), (from: (2.0, 3.0), to: (32.0, 3.0))])"#,
+            "the handles cannot all be met, and are missed by up to ",
+        ),
+    ] {
+        let told = told(nodes);
+        assert!(told.len() == 1 && told[0].starts_with(message), "{nodes}: {told:?}");
     }
 }

@@ -108,11 +108,11 @@ fn unwritable_outputs_are_6() {
     let desk = small_job();
     desk.write("out", "a file where a folder should be");
     let picture = desk.path("out/small.png").display().to_string();
-    desk.run("run job.ron").says(6, &["output_unwritable", &picture]);
+    desk.run("run job.ron").says(6, &["output_unwritable", &picture, "help: a file has the name of a folder"]);
     desk.run("run job.ron --set out.path=\"fine.png\" --report out/r.json").says(6, &["report"]);
     assert!(desk.path("fine.png").exists());
     std::fs::create_dir(desk.path("folder.png")).expect("a folder");
-    desk.run("run job.ron --set out.path=\"folder.png\"").says(6, &["folder.png"]);
+    desk.run("run job.ron --set out.path=\"folder.png\"").says(6, &["folder.png", "help: a folder has that name"]);
     assert!(!desk.files("").iter().any(|name| name.ends_with(".tmp")), "{:?}", desk.files(""));
 }
 
@@ -123,6 +123,8 @@ fn refusals_are_7() {
     desk.graph("job.ron", &(other + r#""other": Lattice(domain: "plate", cell: 6.0)"#));
     desk.run("run job.ron").says(7, &["error[refused]", "another lattice", "9 x 9", "13 x 13", "job.ron:10"]);
     desk.graph("big.ron", r#""big": Constant(size: (4000, 4000)), "out": Save(image: "big", path: "big.exr")"#);
-    desk.run("run big.ron --memory 16M").says(7, &["over_budget", "--memory"]);
+    let size = "`big` needs 244.1M, more than the ";
+    let planes = "leaves, for 4 planes of 4000 x 4000";
+    desk.run("run big.ron --memory 16M").says(7, &["over_budget", size, planes, "--memory"]);
     assert!(!desk.path("big.exr").exists());
 }

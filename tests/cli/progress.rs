@@ -2,7 +2,7 @@
 
 use serde_json::Value as Json;
 
-use crate::desk::{Desk, Ended, executed, keys, small_job};
+use crate::desk::{Desk, Ended, SMALL_JOB, executed, keys, small_job};
 
 /// A bend over four frames.
 fn shot() -> Desk {
@@ -127,4 +127,39 @@ fn a_closed_pipe_is_a_quiet_end() {
     let mut command = desk.command(["run", "job.ron", "--no-cache"]);
     let status = command.stdout(std::process::Stdio::null()).stderr(writer).status().expect("the binary starts");
     assert!(status.success());
+}
+
+/// An exact feature that touches the border, along a bend over three frames.
+fn doubtful() -> Desk {
+    let desk = small_job();
+    let nodes = SMALL_JOB.replace(r#"features: "parts""#, r#"features: "parts", exact: Similarity"#);
+    let nodes = nodes.replace("angle: 60.0", "angle: Keys([(1, 10.0), (3, 30.0)])").replace("small.png", "small.#.png");
+    desk.shot("job.ron", "1-3", &nodes);
+    desk
+}
+
+#[test]
+fn a_warning_is_shown_once_per_node_and_kept_with_the_result() {
+    let desk = doubtful();
+    for progress in ["auto", "plain", "human", "percent", "openjd"] {
+        let ended = desk.run(&format!("run job.ron --progress {progress}")).expect(0);
+        let shown = ended.stderr.matches("warning[doubtful]").count();
+        assert_eq!((shown, ended.stderr.matches("exact features keep to the border").count()), (1, 1), "{ended:?}");
+        assert!(ended.stderr.contains("job.ron:10:"), "{}", ended.stderr);
+        assert!(ended.stderr.contains("2 warnings more of the same nodes at other frames"), "{}", ended.stderr);
+    }
+    assert_eq!(desk.run("run job.ron --progress none").expect(0).stderr, "");
+    let report = desk.report("run job.ron");
+    let warnings = report["warnings"].as_array().expect("a list");
+    let told: Vec<_> = warnings.iter().map(|told| (&told["node"], &told["code"], &told["frame"])).collect();
+    let of = |frame: u64| (Json::from("keep"), Json::from("doubtful"), Json::from(frame));
+    let expected = [of(1), of(2), of(3)];
+    assert_eq!(told, expected.each_ref().map(|(node, code, frame)| (node, code, frame)));
+}
+
+#[test]
+fn jsonl_tells_all_warnings() {
+    let ended = doubtful().run("run job.ron --progress jsonl").expect(0);
+    let told = ended.stdout.lines().filter(|line| line.contains(r#""event":"warning""#));
+    assert_eq!(told.count(), 3, "{ended:?}");
 }

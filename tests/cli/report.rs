@@ -10,7 +10,7 @@ const WHY: [&str; 7] = ["code", "node", "param", "old", "new", "at", "text"];
 const FAULT: [&str; 8] = ["code", "node", "parameter", "frame", "file", "line", "column", "message"];
 
 fn check_form(report: &Json) {
-    let all = ["schema", "graph", "frames", "seconds", "peak_bytes", "cache", "nodes", "outputs", "faults"];
+    let all = ["schema", "graph", "frames", "seconds", "peak_bytes", "cache", "nodes", "outputs", "warnings", "faults"];
     assert_eq!(keys(report), all);
     assert_eq!(report["schema"], 1);
     assert!(report["seconds"].is_f64() && report["peak_bytes"].is_u64());
@@ -24,7 +24,7 @@ fn check_form(report: &Json) {
         assert_eq!(pair["status"] == "reused", pair["from"].is_string(), "{pair}");
     }
     list("outputs").iter().for_each(|output| assert_eq!(keys(output), ["node", "frame", "path", "bytes", "blake3"]));
-    for fault in list("faults") {
+    for fault in list("faults").into_iter().chain(list("warnings")) {
         assert_eq!(keys(&fault)[..8], FAULT);
         assert_eq!(keys(&fault)[8..], ["hint"]);
     }

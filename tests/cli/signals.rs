@@ -72,3 +72,15 @@ fn an_interrupt_keeps_finished_frames() {
 fn a_termination_keeps_finished_frames() {
     stops_well("TERM");
 }
+
+#[test]
+fn a_limit_on_the_size_of_files_is_told() {
+    let desk = Desk::new();
+    desk.graph("job.ron", r#""card": Checker(size: (128, 128)), "out": Save(image: "card", path: "out/card.exr")"#);
+    let line = r#"ulimit -f 4; exec "$0" run job.ron --no-cache"#;
+    let mut shell = std::process::Command::new("sh");
+    shell.args(["-c", line, env!("CARGO_BIN_EXE_warploom")]).current_dir(desk.path(""));
+    let ended = Ended::from(shell.output().expect("a shell"));
+    ended.says(6, &["error[output_unwritable]", "card.exr: file too large", "help: raise the limit", "ulimit -f"]);
+    assert!(desk.files("out").is_empty(), "{:?}", desk.files("out"));
+}

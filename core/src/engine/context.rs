@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
 use super::Existing;
-use super::io::{self as door, Durable, Io, plain};
+use super::io::{self as door, Durable, Io, cannot_write, plain};
 use super::memory::Purpose;
 use crate::node::{ErrorClass, In, NodeError, Port, ReadPath, Request, WritePath};
 use crate::value::{BufferMut, Digest, Given, Sample};
@@ -77,7 +77,14 @@ impl Context<'_> {
     /// Several planes of zeros, refused before the first is made if not all have room.
     pub fn planes<T: Sample>(&self, count: usize, width: usize, height: usize) -> Result<Vec<BufferMut<T>>, NodeError> {
         self.go_on()?;
-        self.control.reserve(count as u128 * BufferMut::<T>::bytes_for(width, height), Purpose::Planes)?;
+        let bytes = count as u128 * BufferMut::<T>::bytes_for(width, height);
+        self.control.reserve(bytes, Purpose::Planes).map_err(|error| match error.class {
+            ErrorClass::OverBudget => {
+                let planes = if count == 1 { "a plane".to_owned() } else { format!("{count} planes") };
+                NodeError { message: format!("{}, for {planes} of {width} x {height}", error.message), ..error }
+            }
+            _ => error,
+        })?;
         Ok((0..count).map(|_| BufferMut::zeroed(width, height)).collect())
     }
 
@@ -111,7 +118,7 @@ impl Context<'_> {
             self.go_on()?;
             door::replace(self.io, path, Durable::Yes, &mut |out| out.write_all(bytes)).map_err(|e| {
                 let message = format!("cannot write {}: {}", path.display(), plain(&e));
-                NodeError::new(ErrorClass::OutputUnwritable, message)
+                NodeError::new(ErrorClass::OutputUnwritable, message).hint(cannot_write(&e))
             })?;
         }
         self.artifacts.lock().unwrap_or_else(PoisonError::into_inner).push(artifact);

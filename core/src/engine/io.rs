@@ -337,3 +337,15 @@ pub fn plain(error: &std::io::Error) -> String {
     let text = error.to_string();
     text.split(" (os error").next().unwrap_or(&text).to_lowercase()
 }
+
+/// How a file is written all the same that could not be.
+pub fn cannot_write(error: &std::io::Error) -> &'static str {
+    match error.kind() {
+        ErrorKind::StorageFull | ErrorKind::QuotaExceeded => "make room there, or write elsewhere",
+        ErrorKind::FileTooLarge => "raise the limit on the size of files (`ulimit -f`), or write elsewhere",
+        ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem => "write to a folder that is yours to write to",
+        ErrorKind::IsADirectory => "a folder has that name: write to another",
+        ErrorKind::NotADirectory | ErrorKind::AlreadyExists => "a file has the name of a folder: write elsewhere",
+        _ => "write to another file or folder",
+    }
+}

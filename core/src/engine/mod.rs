@@ -15,6 +15,7 @@ mod resolve;
 mod run;
 mod schedule;
 mod share;
+mod signals;
 mod store;
 mod upkeep;
 
@@ -27,9 +28,10 @@ use std::time::Instant;
 pub use context::{Artifact, Context};
 pub use disk::{CacheCounts, DiskTier};
 pub use foresee::{Explanation, PairVerdict, Verdict};
-pub use io::{Disk, Io, NewFile, Stat, plain, write_file};
+pub use io::{Disk, Io, NewFile, Stat, cannot_write, plain, write_file};
 pub(crate) use pairs::Pairs;
 pub use report::{From, OutputReport, PairReport, Reason, Report, Status, Why, peak_bytes, resident_bytes};
+pub use signals::let_large_writes_fail;
 pub use store::StorePolicy;
 pub use upkeep::{CacheStat, CacheWork};
 
@@ -160,6 +162,8 @@ pub enum Event<'a> {
     },
     /// Something went wrong.
     Fault(&'a Fault),
+    /// A node has a result, and something to say of it.
+    Warning(&'a Fault),
     /// All targets of a frame are done, well or badly.
     FrameDone {
         /// The frame; none for a run without frames.
@@ -277,12 +281,13 @@ impl Engine {
         let pairs = plan.pairs();
         let mut reasons = self.reasons(plan, state);
         let mut nodes = Vec::with_capacity(pairs.order.len());
-        let mut outputs = Vec::new();
+        let (mut outputs, mut warnings) = (Vec::new(), Vec::new());
         for &at in &pairs.order {
             let (pair, known) = (&pairs.list[at], &state.pairs[at]);
             let node = &plan.nodes[pair.node];
             let frame = pair.request.frame;
             let record = known.record.as_deref();
+            warnings.extend(record.iter().flat_map(|r| &r.warnings).map(|text| run::warning(plan, pair, text)));
             nodes.push(PairReport {
                 node: node.id.clone(),
                 node_type: node.node_type.name.clone(),
@@ -330,6 +335,7 @@ impl Engine {
             cache: self.store.disk.as_ref().map(DiskTier::take_counts).unwrap_or_default(),
             nodes,
             outputs,
+            warnings,
             faults,
             frames_delivered,
             cancelled: job.cancel.is_cancelled(),

@@ -145,6 +145,8 @@ pub struct Report {
     pub nodes: Vec<PairReport>,
     /// Every file.
     pub outputs: Vec<OutputReport>,
+    /// What nodes say of results that are there, inputs first.
+    pub warnings: Vec<Fault>,
     /// Everything that went wrong.
     pub faults: Vec<Fault>,
     /// Frames all of whose targets are there.

@@ -6,13 +6,14 @@ use std::time::Instant;
 
 use super::context::{Artifact, Context, Control};
 use super::memory::{Lease, Purpose};
+use super::pairs::Pair;
 use super::queue::Task;
 use super::report::{From, Status};
 use super::schedule::{State, Worker};
 use super::store::{Kept, Record, Tier};
 use super::{Event, Existing};
 use crate::diag::{Code, Fault};
-use crate::graph::plan::Slot;
+use crate::graph::plan::{Plan, Slot};
 use crate::node::{ErrorClass, NodeError, Outputs};
 use crate::schema::Access;
 use crate::value::{Digest, Given, Outline, Value};
@@ -308,12 +309,12 @@ impl Worker<'_> {
         {
             return self.fail(at, self.nondeterministic(at, output));
         }
+        let Outputs { values, stats, warnings } = outputs;
         let insert = |(outline, value)| self.engine.store.insert_value(outline, value, seconds, lease);
-        let kept: Vec<Arc<Kept>> =
-            self.engine.pool.install(|| outlines.iter().zip(outputs.values).map(insert).collect());
+        let kept: Vec<Arc<Kept>> = self.engine.pool.install(|| outlines.iter().zip(values).map(insert).collect());
         let is_recompute = known.is_some();
         let record = known.unwrap_or_else(|| {
-            let record = Arc::new(Record { outputs: outlines, artifacts, stats: outputs.stats, seconds });
+            let record = Arc::new(Record { outputs: outlines, artifacts, stats, warnings, seconds });
             self.engine.store.insert_record(key, record.clone());
             record
         });
@@ -348,11 +349,22 @@ impl Worker<'_> {
     pub(super) fn finished(&self, at: usize, status: Status, seconds: f64, record: &Record) {
         let (pair, node) = (&self.pairs.list[at], self.node(at));
         self.job.observer.event(Event::Finished { node: &node.id, frame: pair.request.frame, status, seconds });
+        if status != Status::Recomputed {
+            let warnings = record.warnings.iter().map(|text| warning(&self.shared.plan, pair, text));
+            warnings.for_each(|warning| self.job.observer.event(Event::Warning(&warning)));
+        }
         let written = status == Status::Executed && self.job.existing != Existing::Verify;
         for Artifact { path, bytes, blake3 } in &record.artifacts {
             self.job.observer.event(Event::Output { path, bytes: *bytes, blake3: Some(*blake3), written });
         }
     }
+}
+
+/// What a pair's node warns of.
+pub(super) fn warning(plan: &Plan, pair: &Pair, text: &str) -> Fault {
+    let mut warning = Fault::new(Code::Doubtful, text).node(&plan.nodes[pair.node].id);
+    warning.frame = pair.request.frame;
+    warning.place(Some(plan.place(pair.node, None)))
 }
 
 fn node_fault(error: NodeError) -> Fault {

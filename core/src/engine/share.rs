@@ -194,7 +194,7 @@ impl Worker<'_> {
             return None;
         }
         let id = &self.node(at).id;
-        let message = format!("the inputs of `{id}` take {}, more than {}", megabytes(bytes), budget(room));
+        let message = format!("the inputs of `{id}` take {}, more than {}", sized(bytes), budget(room));
         Some(Fault::new(Code::OverBudget, message).hint(HINT.to_owned()))
     }
 }
@@ -202,12 +202,15 @@ impl Worker<'_> {
 const HINT: &str = "ask for less, or raise --memory";
 
 fn budget(room: u64) -> String {
-    format!("the {} that the memory budget leaves", megabytes(room))
+    format!("the {} that the memory budget leaves", sized(room))
 }
 
-/// As the flag takes it: M is 1024 squared.
-fn megabytes(bytes: impl Into<u128>) -> String {
-    format!("{:.1}M", bytes.into() as f64 / f64::from(1 << 20))
+/// As the flag takes it: M is 1024 squared, and G and T are 1024 times as much each.
+fn sized(bytes: impl Into<u128>) -> String {
+    let bytes = bytes.into() as f64;
+    let (unit, power) =
+        [("T", 40), ("G", 30)].into_iter().find(|(_, power)| bytes >= 2_f64.powi(*power)).unwrap_or(("M", 20));
+    format!("{:.1}{unit}", bytes / 2_f64.powi(power))
 }
 
 impl PairControl<'_> {
@@ -250,15 +253,26 @@ impl PairControl<'_> {
         };
         let memory = &worker.engine.store.memory;
         let others = memory.used().saturating_sub(inputs).saturating_sub(self.lease.asked());
-        let mut needs = format!("`{}` needs {}", worker.node(self.at).id, megabytes(total));
+        let mut needs = format!("`{}` needs {}", worker.node(self.at).id, sized(total));
         if inputs > 0 {
-            needs += &format!(" beside the {} of its inputs", megabytes(inputs));
+            needs += &format!(" beside the {} of its inputs", sized(inputs));
         }
         // Where it would not fit alone it matters not what others hold.
         if others > PETTY && total + u128::from(inputs) <= u128::from(memory.room()) {
-            needs += &format!(" and {} that others hold", megabytes(others));
+            needs += &format!(" and {} that others hold", sized(others));
         }
         let message = format!("{needs}, more than {}", budget(memory.room()));
         NodeError::new(ErrorClass::OverBudget, message).hint(HINT)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::sized;
+
+    #[test]
+    fn sizes_are_told_in_units_of_their_own() {
+        let told = [1_u128 << 10, 3 << 19, 1023 << 20, 3 << 29, 5 << 40, 16 << 54].map(sized);
+        assert_eq!(told, ["0.0M", "1.5M", "1023.0M", "1.5G", "5.0T", "262144.0T"]);
     }
 }

@@ -19,6 +19,8 @@ pub(crate) struct Record {
     pub outputs: Vec<Outline>,
     pub artifacts: Vec<Artifact>,
     pub stats: serde_json::Map<String, serde_json::Value>,
+    #[serde(default)]
+    pub warnings: Vec<String>,
     pub seconds: f64,
 }
 
@@ -37,7 +39,9 @@ impl Record {
     fn bytes(&self) -> u64 {
         let channels: usize = self.outputs.iter().map(|outline| outline.channels.len()).sum();
         let stats = self.stats.len() * 64;
-        (512 + size_of_val(self.outputs.as_slice()) + 96 * channels + 256 * self.artifacts.len() + stats) as u64
+        let warnings: usize = self.warnings.iter().map(|text| 64 + text.len()).sum();
+        let artifacts = 256 * self.artifacts.len();
+        (512 + size_of_val(self.outputs.as_slice()) + 96 * channels + artifacts + stats + warnings) as u64
     }
 }
 

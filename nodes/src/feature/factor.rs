@@ -8,7 +8,7 @@ use smart_default::SmartDefault;
 use warploom_algo::feature::{self, FeatureCells};
 use warploom_algo::lattice::Lattice;
 use warploom_core::node::{Context, In, Node, NodeError, Output, Outputs};
-use warploom_core::value::{Factor, Grid, Hasher, Kind, Labels, Mask};
+use warploom_core::value::{Factor, Grid, Hasher, Kind, Labels, Mask, Rect, Windows};
 
 use super::Prepared;
 use crate::adapt::{lattice, view, watch, watched};
@@ -119,6 +119,7 @@ impl Node for FeatureFactor {
             .stat("cells_of_several_labels", cells.mixed)
             .stat("pixels_outside_the_lattice", cells.outside)
             .stat("merged", merged)
+            .warning(self.soft_doubt(cx, &lattice, &labels))
             .stat("seconds_setup", setup.as_secs_f64())
             .stat("seconds_factor", (factored - setup).as_secs_f64()))
     }
@@ -145,6 +146,24 @@ impl FeatureFactor {
         let (samples, x0, y0) = (view(&soft.0.samples), data.x0.into(), data.y0.into());
         let coverage = watched(cx, |watch| feature::cell_coverage(lattice, samples, x0, y0, watch))?;
         Ok((cells, Some(coverage)))
+    }
+
+    /// What is to be said of a soft mask that lies elsewhere than the features.
+    fn soft_doubt(&self, cx: &Context, lattice: &Lattice, labels: &Labels) -> Option<String> {
+        let Windows { display, data, .. } = cx.get_optional(&self.soft)?.0.windows;
+        let features = labels.raster.windows.display;
+        let of = |Rect { x0, y0, x1, y1 }: Rect| format!("x from {x0} to {x1} and y from {y0} to {y1}");
+        let ([left, top], [width, height]) = (lattice.origin, lattice.size());
+        let [x0, y0, x1, y1] = [data.x0, data.y0, data.x1, data.y1].map(f64::from);
+        let is_beside = x1 <= left || x0 >= left + width || y1 <= top || y0 >= top + height;
+        if is_beside || data.is_empty() {
+            let pixels = if data.is_empty() { "has no pixels".into() } else { format!("covers {}", of(data)) };
+            return Some(format!("the soft mask {pixels}, nothing of the lattice: no feature keeps a weight above 1"));
+        }
+        (display != features).then(|| {
+            let (its, theirs) = (of(display), of(features));
+            format!("the soft mask's format is {its}, the features' {theirs}: make both from one picture")
+        })
     }
 
     /// The factor, and how long after `start` its system was set up.

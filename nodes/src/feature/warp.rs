@@ -132,6 +132,8 @@ impl Node for FeatureWarp {
         let ((solved, guarded), prepared) = solved.map_err(|error| super::refusal(error, &warp.grid, at_work))?;
         let seconds = start.elapsed();
         let rows = serde_json::Value::Array(solved.features.iter().map(super::report::component).collect());
+        let verdict = guarded.as_ref().map(|verdict| super::report::guarded(verdict, &warp.grid, &solved.positions));
+        let unreached = guarded.as_ref().zip(verdict.as_ref()).and_then(|(v, told)| super::report::unreached(v, told));
         let mut outputs = crate::warp::certified(cx, &warp.grid, solved.positions)?;
         outputs.values.push(Value::Text(rows.to_string().into()));
         Ok(outputs
@@ -139,13 +141,27 @@ impl Node for FeatureWarp {
             .stat("residual", solved.residual)
             .stat("seconds_rhs", prepared.as_secs_f64())
             .stat("seconds_solve", (seconds - prepared).as_secs_f64())
-            .stat("guard", guarded.as_ref().map(|guarded| super::report::guarded(guarded, &warp.grid)))
+            .warning(unreached)
+            .warning(self.conflict(&solved.conflicts))
+            .stat("guard", verdict)
             .stat("conflicts", solved.conflicts)
             .stat("components", rows))
     }
 }
 
 impl FeatureWarp {
+    /// What is to be said of exact features with these labels, which touch a border that does not move freely.
+    fn conflict(&self, labels: &[u32]) -> Option<String> {
+        let keeps_to_the_border = self.on_conflict == OnConflict::NoFold && !labels.is_empty();
+        keeps_to_the_border.then(|| {
+            format!(
+                "exact features keep to the border where they touch it, not to their shape (labels: {}); \
+                 use on_conflict: KeepShape here, or boundary: Free in the FeatureFactor",
+                super::listed(labels)
+            )
+        })
+    }
+
     fn solve(
         &self,
         rhs: &feature::Rhs,
@@ -169,7 +185,8 @@ fn check_warp(warp: &Warp, factor: &Factor) -> Result<(), NodeError> {
             .at("warp")
             .hint("turn it round with Invert(gives: OtherWay)"));
     }
-    check_lattice(warp, "warp", &factor.grid, "the factor")
+    check_lattice(warp, "warp", &factor.grid, "the factor")?;
+    crate::warp::refuse_holes(warp, "warp")
 }
 
 impl From<Mode> for feature::Mode {

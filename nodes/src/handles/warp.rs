@@ -75,6 +75,9 @@ pub enum Mode {
     Rigid,
 }
 
+/// A miss that is worth a warning, px.
+const LARGE_MISS: f64 = 1.0;
+
 impl Node for Handles {
     const VERSION: u32 = 1;
     const OUTPUTS: &'static [Output] = crate::warp::WARP;
@@ -97,7 +100,14 @@ impl Node for Handles {
             blamed.unwrap_or_else(|| super::refusal(error, &factor.grid, at_work))
         })?;
         let seconds = start.elapsed();
+        let miss = solved.largest_miss;
+        let missed = (miss > LARGE_MISS).then(|| {
+            format!(
+                "the handles cannot all be met, and are missed by up to {miss:.1} px: drag fewer, or use smaller cells"
+            )
+        });
         Ok(crate::warp::certified(cx, &factor.grid, solved.positions)?
+            .warning(missed)
             .stat("unknowns", solver.unknowns())
             .stat("constraints", solved.constraints)
             .stat("rank", solved.rank)

@@ -14,6 +14,7 @@ use warploom_core::value::{
 };
 
 use crate::adapt::{FARTHEST, lattice, positions, view, view_mut, watched, window};
+use crate::io::codec::MAX_SIDE;
 
 /// Draws a picture, mask, field or label map through a warp.
 ///
@@ -88,7 +89,9 @@ impl Node for Resample {
 
     fn compute(&self, cx: &Context) -> Result<Outputs, NodeError> {
         if self.fit && self.size.is_some() {
-            return Err(NodeError::refused("a size and fit exclude each other").at("fit"));
+            return Err(NodeError::refused("a size and fit exclude each other")
+                .at("fit")
+                .hint("leave one of them out"));
         }
         let (source, warp) = (cx.get(&self.image), cx.get(&self.warp));
         let drawing = Drawing {
@@ -158,7 +161,7 @@ impl Drawing<'_> {
         let nothing = Rect::at(display.x0, display.y0, 0, 0);
         let bounds = bounds.map(|bounds| if bounds.is_empty() { nothing } else { bounds });
         let endless = self.node.edge != Edge::Transparent;
-        Ok(match bounds {
+        self.check_sides(match bounds {
             Some(bounds) if self.node.fit && bounds.is_empty() && !windows.data.is_empty() => {
                 let message = format!("nothing to fit to: no pixel within {FARTHEST} px of the origin is covered");
                 return Err(NodeError::refused(message).at("fit").hint("look at the warp, or give a size"));
@@ -171,6 +174,20 @@ impl Drawing<'_> {
             Some(bounds) if !endless => Windows { display, data: bounds, ..*windows },
             _ => Windows { display, data: display, ..*windows },
         })
+    }
+
+    /// Refuses windows that no picture has, before anything is drawn.
+    fn check_sides(&self, windows: Windows) -> Result<Windows, NodeError> {
+        let is_long = |window: &&Rect| window.width().max(window.height()) > MAX_SIDE;
+        let Some(window) = [&windows.data, &windows.display].into_iter().find(is_long) else { return Ok(windows) };
+        let (width, height) = (window.width(), window.height());
+        let message = format!("the result would be {width} x {height} px; a side may be 1 to {MAX_SIDE} px long");
+        let hint = match (self.node.fit, self.node.crop) {
+            (true, _) => "give a size instead of fit, and draw no more than that: crop: true",
+            (false, false) => "draw the display window alone: crop: true",
+            (false, true) => "give a smaller size",
+        };
+        Err(NodeError::refused(message).at("warp").hint(hint))
     }
 
     fn draw(&self, from: &Rect, to: &Rect, planes: &[&Buffer<f32>]) -> Result<Vec<BufferMut<f32>>, NodeError> {

@@ -9,6 +9,7 @@ use warploom_core::value::{Buffer, Direction, Grid, Image, Layer, Plane, SampleT
 use super::codec::{self, Encoding, NodeHost};
 use super::warp_file::{Channels, Choices, Preset};
 use crate::adapt::{view, watch, window};
+use crate::warp::Holes;
 
 /// Reads a warp from an EXR of floats that says for each pixel where it comes from: an ST map, UV map or displacement.
 ///
@@ -70,7 +71,7 @@ impl Node for LoadWarp {
         let grid =
             Grid { origin: lattice.origin, spacing: lattice.spacing, nodes: lattice.nodes, periodic: [false; 2] };
         let direction = if self.inverse { Direction::DstFromSrc } else { Direction::SrcFromDst };
-        Ok(crate::warp::derived(cx, &grid, direction, decoded.positions)?
+        Ok(crate::warp::derived(cx, &grid, direction, decoded.positions, Holes::Kept)?
             .stat("pixels", data.width() * data.height())
             .stat("without_source", decoded.without_source))
     }

@@ -50,10 +50,23 @@ pub struct SaveWarp {
     /// Whether a warp that folds is written; where cells overlap, the last in row order counts, as in Resample. It
     /// counts too where far parts of a warp overlap without a fold, which is not looked for.
     pub frontmost: bool,
-    /// How samples are stored: `Float`, which is `Auto`. Others are too coarse for positions.
-    pub depth: Depth,
+    /// How samples are stored.
+    pub depth: MapDepth,
     /// How the file is compressed, without loss; `Auto` is `Zips`.
     pub compression: Compression,
+}
+
+/// A rounding that is worth a warning, px.
+const LARGE_ROUNDING: f64 = 0.01;
+
+/// How samples of a map are stored; others than floats are too coarse for positions.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub enum MapDepth {
+    /// As 32-bit floats.
+    #[default]
+    Auto,
+    /// As 32-bit floats.
+    Float,
 }
 
 impl Node for SaveWarp {
@@ -69,7 +82,7 @@ impl Node for SaveWarp {
         let (lattice, positions) = (lattice(&warp.grid), positions(cx, &warp)?);
         let goes = (warp.direction == Direction::DstFromSrc) != self.inverse;
         let map = if goes {
-            self.check_folds(cx, &lattice, &positions)?;
+            self.check_folds(cx, &warp, &lattice, &positions)?;
             Map::Forward { lattice: &lattice, positions: &positions }
         } else {
             Map::Backward { lattice: &lattice, positions: &positions }
@@ -94,7 +107,11 @@ impl Node for SaveWarp {
         let host = reusing(cx, count * size_of::<[f64; 2]>());
         let bytes = codec::encode_image(&picture(&place, names, planes), "exr", &options, &host)?;
         cx.write(&self.path, &bytes)?;
+        let coarse = (rounding > LARGE_ROUNDING).then(|| {
+            format!("positions are stored to within {rounding:.3} px only: they lie far from the format, or it is huge")
+        });
         Ok(Outputs::default()
+            .warning(coarse)
             .stat("pixels", data.width() * data.height())
             .stat("without_source", without_source)
             .stat("rounding", rounding)
@@ -115,10 +132,6 @@ struct Place {
 
 impl SaveWarp {
     fn compression(&self) -> Result<Compression, NodeError> {
-        if !matches!(self.depth, Depth::Auto | Depth::Float) {
-            let message = format!("depth {:?} is too coarse for positions; it may be Float", self.depth);
-            return Err(NodeError::refused(message).at("depth").hint("leave `depth` out"));
-        }
         match self.compression {
             Compression::Auto => Ok(Compression::Zips),
             lossless @ (Compression::None
@@ -176,12 +189,14 @@ impl SaveWarp {
     fn check_folds(
         &self,
         cx: &Context,
+        warp: &Warp,
         lattice: &warploom_algo::lattice::Lattice,
         positions: &warploom_algo::lattice::Positions,
     ) -> Result<(), NodeError> {
         if self.frontmost {
             return Ok(());
         }
+        crate::warp::refuse_holes(warp, "warp")?;
         let at_work = watch(cx);
         warp::refuse_folds(lattice, positions, &at_work).map_err(|error| match error {
             InvertError::Interrupted => at_work.error(Interrupted),

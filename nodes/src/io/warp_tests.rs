@@ -49,6 +49,13 @@ pub(crate) fn fault(folder: &TempDir, nodes: &str) -> Fault {
     fault.clone()
 }
 
+/// What the node `out` of a graph of these nodes warns of.
+pub(crate) fn warnings(folder: &TempDir, nodes: &str) -> Vec<String> {
+    let (report, _) = run(folder, nodes);
+    assert!(report.faults.is_empty(), "{nodes}\n{:#?}", report.faults);
+    report.warnings.into_iter().filter(|told| told.node.as_deref() == Some("out")).map(|told| told.message).collect()
+}
+
 fn load(folder: &TempDir, text: &str) -> (Report, Arc<Warp>) {
     let (report, values) = run(folder, &format!("\"out\": LoadWarp({text})"));
     let Some(Value::Warp(warp)) = values.first() else { panic!("{text}: {:#?}", report.faults) };
@@ -221,8 +228,6 @@ fn what_is_too_coarse_or_folds_is_not_written() {
     let (still, wild) =
         ("Affine(grid: \"grid\")", "Wave(grid: \"grid\", amplitude: 30.0, wavelength: 17.0, direction: 30.0)");
     for (warp, more, parameter, message) in [
-        (still, "depth: Half", "depth", "depth Half is too coarse for positions; it may be Float"),
-        (still, "depth: U16", "depth", "U16 is too coarse"),
         (still, "compression: Pxr24", "compression", "Pxr24 loses digits"),
         (still, "compression: Dwaa", "compression", "it may be None, Rle, Zips, Zip or Piz"),
         (still, "channels: (x: \"A\")", "channels", "not `A`, `G` and `A`"),
@@ -348,6 +353,17 @@ fn what_has_no_position_is_not_drawn_and_leaves_the_rest() {
     let (report, _) =
         run(&folder, &format!("{load}, \"out\": SaveWarp(warp: \"map\", path: \"again.exr\", preset: OiioStWarp)"));
     assert_eq!(stat(&report, "without_source"), 1.0);
+    for node in ["Invert(warp: \"map\")", "SaveWarp(warp: \"map\", path: \"back.exr\", inverse: true)"] {
+        let fault = fault(&folder, &format!("{load}, \"out\": {node}"));
+        assert_eq!(fault.message, "1 of 24 nodes have no position (alpha 0), the first at column 2, row 1");
+        assert!(fault.hint.expect("a mend").contains("ignore_alpha: true"));
+    }
+    // What is made of it has the hole too.
+    for node in ["Blend(warp: \"map\", amount: 0.5)", "Compose(first: \"map\", second: \"map\")"] {
+        let (report, values) = run(&folder, &format!("{load}, \"out\": {node}"));
+        let Some(Value::Warp(warp)) = values.first() else { panic!("{:#?}", report.faults) };
+        assert!(warp.x[8].is_nan() && warp.x[23].is_finite(), "{node}");
+    }
     // What was read is written bit for bit; the hole has a position outside.
     let (before, after) = (written(&folder, "map.exr"), written(&folder, "again.exr"));
     for (a, b) in before.layers[0].channels.iter().zip(&after.layers[0].channels) {

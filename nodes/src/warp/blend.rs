@@ -34,10 +34,11 @@ impl Node for Blend {
             check_lattice(from, "from", &to.grid, "the warp")?;
         }
         cx.reserve(to.grid.node_count() as u128 * size_of::<[f64; 2]>() as u128)?;
+        let holes = super::Holes::of([&*to].into_iter().chain(from.as_deref()));
         let start = from.map(|from| positions(cx, &from)).transpose()?;
         let (lattice, end) = (lattice(&to.grid), positions(cx, &to)?);
         let blended = watched(cx, |watch| warp::blend(&lattice, start.as_ref(), &end, self.amount, watch))?;
         drop((start, end));
-        super::derived(cx, &to.grid, to.direction, blended)
+        super::derived(cx, &to.grid, to.direction, blended, holes)
     }
 }

@@ -28,6 +28,7 @@ impl Node for Compose {
     fn compute(&self, cx: &Context) -> Result<Outputs, NodeError> {
         let (first, second) = (cx.get(&self.first), cx.get(&self.second));
         super::assert_alike(&first, &second, "second")?;
+        let holes = super::Holes::of([&*first, &*second]);
         let (inner, outer) = match first.direction {
             Direction::DstFromSrc => (first, second),
             Direction::SrcFromDst => (second, first),
@@ -38,6 +39,7 @@ impl Node for Compose {
         let made = watched(cx, |watch| warp::compose((&on, &through), (&under, &beyond), watch))?;
         drop((through, beyond));
         let error = made.interpolation_error;
-        Ok(super::derived(cx, &inner.grid, inner.direction, made.positions)?.stat("interpolation_error", error))
+        let outputs = super::derived(cx, &inner.grid, inner.direction, made.positions, holes)?;
+        Ok(outputs.stat("interpolation_error", error))
     }
 }

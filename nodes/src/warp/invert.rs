@@ -42,13 +42,17 @@ impl Node for Invert {
 
     fn compute(&self, cx: &Context) -> Result<Outputs, NodeError> {
         let warp = cx.get(&self.warp);
+        super::refuse_holes(&warp, "warp")?;
         let (lattice, source) = (lattice(&warp.grid), positions(cx, &warp)?);
         let onto = match cx.get_optional(&self.grid) {
             Some(grid) => *grid,
             None => {
-                let message = "the warp's image is no rectangle: positions are not finite, or on one line";
                 let over = warp::image_lattice(&lattice, &source);
-                let Lattice { origin, spacing, nodes } = over.ok_or_else(|| NodeError::refused(message).at("warp"))?;
+                let flat = || {
+                    let error = NodeError::refused("the warp takes all nodes onto one line, and has no inverse");
+                    error.at("warp").hint("let it keep some width and height")
+                };
+                let Lattice { origin, spacing, nodes } = over.ok_or_else(flat)?;
                 Grid { origin, spacing, nodes, periodic: [false; 2] }
             }
         };
@@ -67,9 +71,27 @@ impl Node for Invert {
             (Gives::OtherWay, Direction::DstFromSrc) => Direction::SrcFromDst,
             (Gives::OtherWay, Direction::SrcFromDst) => Direction::DstFromSrc,
         };
-        Ok(super::derived(cx, &onto, direction, inverted.positions)?
+        let outputs = super::derived(cx, &onto, direction, inverted.positions, super::Holes::None)?;
+        let warning = doubt(&outputs, onto.node_count() - inverted.covered, onto.node_count());
+        Ok(outputs
+            .warning(warning)
             .stat("covered", inverted.covered)
             .stat("residual", inverted.residual)
             .stat("interpolation_error", inverted.interpolation_error))
     }
+}
+
+/// What is to be said of an inverse that folds, of which so many nodes lie outside of the warp's image.
+fn doubt(outputs: &Outputs, outside: usize, all: usize) -> Option<String> {
+    let folds =
+        outputs.stats["folds"].as_u64().filter(|folds| *folds > 0 && !outputs.stats.contains_key("mirrored"))?;
+    Some(match outside {
+        0 => {
+            format!("the inverse folds in {folds} cells, which are too coarse for it: connect a `grid` of finer cells")
+        }
+        _ => format!(
+            "the inverse folds in {folds} cells: {outside} of its {all} nodes lie outside of the warp's image, where it is \
+             continued; warp a Lattice with more overscan, or connect a `grid` that the image covers"
+        ),
+    })
 }

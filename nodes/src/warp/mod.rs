@@ -37,12 +37,12 @@ pub use turbulence::Turbulence;
 pub use wave::Wave;
 
 use warploom_algo::lattice::{Lattice, Positions};
-use warploom_algo::warp::certify;
+use warploom_algo::warp::{InvertError, certify, refuse_folds};
 use warploom_algo::{Interrupted, Watch};
 use warploom_core::node::{Context, NodeError, Output, Outputs};
 use warploom_core::value::{Direction, Grid, Kind, Warp};
 
-use crate::adapt::watched;
+use crate::adapt::{watch, watched};
 
 pub(crate) const WARP: &[Output] = &[Output::new("warp", Kind::Warp)];
 
@@ -65,7 +65,24 @@ fn warped(
 
 /// A forward warp with its certificate in the stats.
 pub(crate) fn certified(cx: &Context, grid: &Grid, positions: Positions) -> Result<Outputs, NodeError> {
-    derived(cx, grid, Direction::DstFromSrc, positions)
+    derived(cx, grid, Direction::DstFromSrc, positions, Holes::None)
+}
+
+/// Whether nodes of a warp may have no position, which is NaN.
+#[derive(Clone, Copy, PartialEq)]
+pub(crate) enum Holes {
+    /// All have one.
+    None,
+    /// A map that was read has holes, and so has what is made of it.
+    Kept,
+}
+
+impl Holes {
+    /// Those of a warp that is made of these.
+    fn of<'a>(warps: impl IntoIterator<Item = &'a Warp>) -> Self {
+        let has_holes = warps.into_iter().any(|warp| warp.x.iter().any(|x| x.is_nan()));
+        if has_holes { Self::Kept } else { Self::None }
+    }
 }
 
 /// A warp with the certificate of its positions, whichever way they point, in the stats.
@@ -74,13 +91,56 @@ pub(crate) fn derived(
     grid: &Grid,
     direction: Direction,
     positions: Positions,
+    holes: Holes,
 ) -> Result<Outputs, NodeError> {
-    let certificate = watched(cx, |watch| certify(&crate::adapt::lattice(grid), &positions, watch))?;
+    check_reach(grid, &positions, holes)?;
+    let lattice = crate::adapt::lattice(grid);
+    let certificate = watched(cx, |watch| certify(&lattice, &positions, watch))?;
+    let [columns, rows] = lattice.cells();
+    let mirrored = certificate.folds == columns * rows && is_mirrored(cx, &lattice, &positions)?;
     let warp = Warp { grid: *grid, direction, x: positions.x.into(), y: positions.y.into() };
-    Ok(Outputs::from(warp)
+    let outputs = Outputs::from(warp)
         .stat("min_jacobian", certificate.min_jacobian)
         .stat("min_jacobian_cell", certificate.at_cell.to_vec())
-        .stat("folds", certificate.folds))
+        .stat("folds", certificate.folds);
+    Ok(if mirrored { outputs.stat("mirrored", true) } else { outputs })
+}
+
+/// Farthest from the origin that a warp takes a node, px.
+const REACH: f64 = 2_147_483_648.0;
+
+/// Refuses positions that are no numbers, unless they may be, or too far away to be drawn.
+fn check_reach(grid: &Grid, Positions { x, y }: &Positions, holes: Holes) -> Result<(), NodeError> {
+    let is_within = |at: f64| at.abs() <= REACH || at.is_nan() && holes == Holes::Kept;
+    let Some(node) = x.iter().zip(y).position(|(x, y)| !(is_within(*x) && is_within(*y))) else { return Ok(()) };
+    let (place, x, y) = (place(grid, node), x[node], y[node]);
+    let message = format!("the warp takes the node at {place} to ({x}, {y}) px; positions reach to {REACH} px");
+    Err(NodeError::refused(message).hint("make the warp weaker, or look at what feeds it"))
+}
+
+/// Whether a warp mirrors all of its cells and folds none.
+fn is_mirrored(cx: &Context, lattice: &Lattice, positions: &Positions) -> Result<bool, NodeError> {
+    let at_work = watch(cx);
+    match refuse_folds(lattice, positions, &at_work) {
+        Ok(()) => Ok(true),
+        Err(InvertError::Folded { .. }) => Ok(false),
+        Err(InvertError::Interrupted) => Err(at_work.error(Interrupted)),
+    }
+}
+
+/// The column and row of a node, in words.
+fn place(grid: &Grid, node: usize) -> String {
+    format!("column {}, row {}", node % grid.nodes[0], node / grid.nodes[0])
+}
+
+/// Refuses a warp with nodes that have no position.
+pub(crate) fn refuse_holes(warp: &Warp, port: &'static str) -> Result<(), NodeError> {
+    let Some(first) = warp.x.iter().position(|x| x.is_nan()) else { return Ok(()) };
+    let (count, all) = (warp.x.iter().filter(|x| x.is_nan()).count(), warp.grid.node_count());
+    let place = place(&warp.grid, first);
+    let message = format!("{count} of {all} nodes have no position (alpha 0), the first at {place}");
+    let hint = "fill the map's holes, or take the numbers there as they are: LoadWarp(ignore_alpha: true)";
+    Err(NodeError::refused(message).at(port).hint(hint))
 }
 
 /// Refuses two warps of which one says where pixels go and the other where they come from.

@@ -106,7 +106,7 @@ pub fn memory(binary: &Path, load: &Load) -> Outcome {
         let watched = watch(&place, &line, None);
         let fault = &watched.report["faults"][0];
         let message = fault["message"].as_str().unwrap_or_default();
-        let says_bytes = message.contains(" needs ") && message.contains("M, more than the ");
+        let says_bytes = message.contains(" needs ") && message.contains(", more than the ");
         let is_refused = watched.code == Some(7) && fault["code"] == "over_budget" && fault["node"].is_string();
         outcome.check(is_refused && says_bytes, || format!("`{line}` cannot fit: {:?}, {fault}", watched.code));
         bound(&mut outcome, &line, &watched, budget * MIB);

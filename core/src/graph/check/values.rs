@@ -145,13 +145,15 @@ impl Walk<'_> {
         self.declared.map(mend)
     }
 
-    /// The parameter, and within it the field, as messages name it.
+    /// The parameter, and within it the item and the field, as messages name it; the last number of a row is not told.
     fn name(&self) -> String {
-        let fields = self.path.iter().filter_map(|step| match step {
-            Step::Field(name) => Some(name.as_str()),
-            Step::Index(_) => None,
+        let path = if let [path @ .., Step::Index(_)] = &self.path[..] { path } else { &self.path };
+        let parts = path.iter().enumerate().map(|(at, step)| match step {
+            Step::Field(name) if at == 0 => name.clone(),
+            Step::Field(name) => format!(".{name}"),
+            Step::Index(index) => format!("[{index}]"),
         });
-        fields.collect::<Vec<_>>().join(".")
+        parts.collect()
     }
 
     fn animated(&mut self, at: At) {

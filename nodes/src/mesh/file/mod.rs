@@ -43,6 +43,11 @@ fn beyond(
     error(problem).hint("export the mesh again")
 }
 
+/// A face of more corners than are read.
+fn too_many_corners(error: impl Fn(String) -> NodeError, what: String) -> NodeError {
+    error(what).hint("cut the face into triangles")
+}
+
 /// What stands in a file, short enough to be shown.
 fn shown(text: &[u8]) -> String {
     String::from_utf8_lossy(&text[..text.len().min(40)]).into_owned()

@@ -2,22 +2,25 @@
 
 use warploom_core::node::NodeError;
 
-use super::{Corner, Counts, MAX_CORNERS, NONE, PORTION, Soup, beyond, damaged, shown};
+use super::{Corner, Counts, MAX_CORNERS, NONE, PORTION, Soup, beyond, damaged, shown, too_many_corners};
 use crate::io::codec::Host;
 
 pub fn read(bytes: &[u8], host: &dyn Host) -> Result<Soup, NodeError> {
-    let mut counts = Counts::default();
+    let (mut counts, mut face_count) = (Counts::default(), 0);
     each_line(bytes, host, [0.0, 0.3], &mut |line| {
         match line.keyword {
             b"v" => counts.positions += 1,
             b"vt" => counts.uvs += 1,
             b"vn" => counts.normals += 1,
-            b"f" => counts.triangles += line.words().count().saturating_sub(2),
+            b"f" => {
+                face_count += 1;
+                counts.triangles += line.words().count().saturating_sub(2);
+            }
             _ => {}
         }
         Ok(())
     })?;
-    if counts.triangles == 0 {
+    if face_count == 0 {
         return Err(damaged("OBJ", format!("there are no faces, and {} vertices", counts.positions)));
     }
     let mut soup = Soup::with_room_for(&counts, host)?;
@@ -45,16 +48,38 @@ fn each_line<'a>(
     each: &mut dyn FnMut(Line<'a>) -> Result<(), NodeError>,
 ) -> Result<(), NodeError> {
     let mut done = 0;
-    for (number, line) in (1..).zip(bytes.split(|byte| *byte == b'\n')) {
-        if number % PORTION == 0 {
+    for (count, (number, line)) in (1..).zip(lines(bytes)) {
+        if count % PORTION == 0 {
             host.progress(from + (to - from) * done as f64 / bytes.len() as f64)?;
         }
         done += line.len() + 1;
         let line = line.trim_ascii();
         let end = line.iter().position(u8::is_ascii_whitespace).unwrap_or(line.len());
-        each(Line { number, keyword: &line[..end], rest: &line[end..] })?;
+        let (keyword, rest) = line.split_at(end);
+        each(Line { number, keyword: keyword.strip_suffix(b"\\").unwrap_or(keyword), rest })?;
     }
     Ok(())
+}
+
+/// Lines with their numbers. After a backslash a line goes on in the next, unless a comment ends it.
+fn lines(bytes: &[u8]) -> impl Iterator<Item = (usize, &[u8])> {
+    let (mut rest, mut next) = (Some(bytes), 1);
+    std::iter::from_fn(move || {
+        let (text, number, mut end) = (rest?, next, 0);
+        loop {
+            next += 1;
+            let Some(length) = text[end..].iter().position(|byte| *byte == b'\n') else {
+                rest = None;
+                return Some((number, text));
+            };
+            let part = &text[end..end + length];
+            end += length + 1;
+            if part.contains(&b'#') || !part.trim_ascii_end().ends_with(b"\\") {
+                rest = Some(&text[end..]);
+                return Some((number, &text[..end - 1]));
+            }
+        }
+    })
 }
 
 struct Line<'a> {
@@ -67,7 +92,8 @@ impl<'a> Line<'a> {
     /// What follows the keyword, up to a comment.
     fn words(&self) -> impl Iterator<Item = &'a [u8]> + use<'a> {
         let rest = self.rest.split(|byte| *byte == b'#').next().unwrap_or_default();
-        rest.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty())
+        let words = rest.split(u8::is_ascii_whitespace);
+        words.map(|word| word.strip_suffix(b"\\").unwrap_or(word)).filter(|word| !word.is_empty())
     }
 
     fn damaged(&self, problem: impl std::fmt::Display) -> NodeError {
@@ -94,8 +120,9 @@ fn faces(line: &Line, soup: &mut Soup, counts: &Counts) -> Result<(), NodeError>
     let mut count = 0;
     for word in line.words() {
         let corner = corners.get_mut(count);
-        *corner.ok_or_else(|| line.damaged(format!("a face has more than {MAX_CORNERS} corners")))? =
-            corner_of(line, word, soup, counts)?;
+        let refused =
+            || too_many_corners(|what| line.damaged(what), format!("a face has more than {MAX_CORNERS} corners"));
+        *corner.ok_or_else(refused)? = corner_of(line, word, soup, counts)?;
         count += 1;
     }
     if count < 3 {

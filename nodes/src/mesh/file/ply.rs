@@ -5,7 +5,7 @@
 
 use warploom_core::node::NodeError;
 
-use super::{Counts, MAX_CORNERS, NONE, PORTION, Soup, beyond, damaged, shown};
+use super::{Counts, MAX_CORNERS, NONE, PORTION, Soup, beyond, damaged, shown, too_many_corners};
 use crate::io::codec::Host;
 
 /// Longest header.
@@ -86,8 +86,12 @@ pub fn read(bytes: &[u8], host: &dyn Host) -> Result<Soup, NodeError> {
 fn face(row: &Row, layout: &Layout, soup: &mut Soup) -> Result<(), NodeError> {
     let indices = &row.lists[layout.indices];
     let mut corners = [[0; 3]; MAX_CORNERS];
-    if !(3..=MAX_CORNERS).contains(&indices.len()) {
-        return Err(row.damaged(format!("{} corners, not 3 to {MAX_CORNERS}", indices.len())));
+    let count = indices.len();
+    if count < 3 {
+        return Err(row.damaged(format!("{count} corners, not 3 to {MAX_CORNERS}")));
+    }
+    if count > MAX_CORNERS {
+        return Err(too_many_corners(|what| row.damaged(what), format!("{count} corners, more than {MAX_CORNERS}")));
     }
     let pairs = layout.corner_uvs.map(|property| &row.lists[property]);
     if let Some(pairs) = pairs.filter(|pairs| pairs.len() != 2 * indices.len()) {
@@ -125,8 +129,12 @@ struct Layout {
 impl Layout {
     fn of(header: &Header) -> Result<Self, NodeError> {
         let element = |name: &str| {
-            let found = header.elements.iter().position(|element| element.name == name && element.count > 0);
-            found.ok_or_else(|| damaged("PLY header", format!("there is no element `{name}`")))
+            let found = header.elements.iter().position(|element| element.name == name);
+            let found = found.ok_or_else(|| damaged("PLY header", format!("there is no element `{name}`")))?;
+            match header.elements[found].count {
+                0 => Err(damaged("PLY header", format!("`element {name} 0`: the mesh has none"))),
+                _ => Ok(found),
+            }
         };
         let (vertex, face) = (element("vertex")?, element("face")?);
         let find = |element: usize, name: &str, is_list: bool| {
@@ -327,7 +335,10 @@ impl<'a> Body<'a> {
             return Err(format!("a list of {length} items"));
         }
         if wanted && length > 2.0 * MAX_CORNERS as f64 {
-            return Err(format!("a list of {length} items, more than {}", 2 * MAX_CORNERS));
+            return Err(format!(
+                "a list of {length} items, more than {}: cut the face into triangles",
+                2 * MAX_CORNERS
+            ));
         }
         list.clear();
         for _ in 0..length as u64 {

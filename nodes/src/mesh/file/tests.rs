@@ -49,6 +49,16 @@ fn an_obj_is_read_with_v_down() {
 }
 
 #[test]
+fn an_obj_line_goes_on_after_a_backslash() {
+    for end in ["\\\n", " \\\r\n ", "\\\n \\\n"] {
+        let broken = OBJ
+            .replace("2/2/1 3/3/1", &format!("2/2/1{end} 3/3/1{end}"))
+            .replace("v 1 1 0", &format!("v{end} 1{end} 1 0"));
+        assert_eq!(mesh(broken.as_bytes()), mesh(OBJ.as_bytes()), "{end:?}");
+    }
+}
+
+#[test]
 fn normals_count_if_all_corners_have_one() {
     let some = mesh(OBJ.replace("4/4/1", "4/4").as_bytes());
     assert!(some.normals.is_empty());
@@ -73,6 +83,10 @@ fn damaged_objs_are_refused_by_line() {
         ("v 1 2\nf 1/1 1/1 1/1", "line 4: a vertex takes 3 numbers"),
         ("vt\nf 1/1 1/1 1/1", "line 4: a vertex takes 1 numbers"),
         ("f 3/1 1/1 1/1\nv 0 0 0", "line 4: vertex 3 comes only later in the file"),
+        ("f 1/1 2/1", "line 4: a face has 2 corners, not 3 or more"),
+        ("f 1/1 \\\n 2/1 \\\n 9/1", "line 4: there is no vertex 9; the file has 2, numbered from 1"),
+        ("f 1/1 \\\n 2/1 1/1\nf 1/1 2/1 9/1", "line 6: there is no vertex 9; the file has 2, numbered from 1"),
+        ("# f 1/1 \\\nf 1/1 2/1 9/1", "line 5: there is no vertex 9; the file has 2, numbered from 1"),
         ("", "OBJ: there are no faces, and 2 vertices"),
     ];
     for (lines, expected) in cases {
@@ -80,7 +94,9 @@ fn damaged_objs_are_refused_by_line() {
         assert_eq!((error.class, error.message.as_str()), (ErrorClass::InputUnreadable, expected), "{lines}");
     }
     let many = format!("v 0 0 0\nvt 0 0\nf{}", " 1/1".repeat(256));
-    assert_eq!(error(many.as_bytes()).message, "line 3: a face has more than 255 corners");
+    let refused = error(many.as_bytes());
+    assert_eq!(refused.message, "line 3: a face has more than 255 corners");
+    assert_eq!(refused.hint.as_deref(), Some("cut the face into triangles"));
     assert!(mesh(many.replacen(" 1/1", "", 1).as_bytes()).triangles.len() == 253);
     assert_eq!(error(b"\x76\x2f\x31\x01\0\0").class, ErrorClass::InputUnsupported);
     assert_eq!(error(b"").class, ErrorClass::InputUnreadable);
@@ -174,6 +190,7 @@ fn damaged_plys_are_refused_by_place() {
         ("property float t\n", "property float other\n", "PLY header: texture coordinates"),
         ("property float z\n", "property float depth\n", "PLY header: `x`, `y` or `z` of vertices is missing"),
         ("vertex_indices", "corners", "PLY header: the list `vertex_indices` of faces is missing"),
+        ("element face 1", "element face 0", "PLY header: `element face 0`: the mesh has none"),
         ("element face 1", "element faces 1", "PLY header: there is no element `face`"),
         ("format ascii 1.0\n", "", "PLY header: there is no format"),
         ("format ascii 1.0", "format ascii 2.0", "line 2: `format ascii 2.0` is not of a PLY"),
