@@ -1,10 +1,10 @@
-//! What the pixels of a tile's row take from the source.
+//! What the pixels of a block's row take from the source.
 //!
 //! Positions are rounded to 2^-24 px, the resolution of the weights: far above the locator's rounding errors, so
 //! that a whole-pixel position is one, and exact for the fraction t and for 1 - t.
 
-use super::filter::{FRACTION_BITS, RESOLUTION};
-use super::locate::TILE_WIDTH;
+use super::block::{BLOCK_WIDTH, Part};
+use super::filter::{FRACTION_BITS, Kernel, RESOLUTION};
 use super::sample::Source;
 
 const ONE: u64 = 1 << FRACTION_BITS;
@@ -13,7 +13,8 @@ const FARTHEST: f64 = (1_u64 << 27) as f64;
 /// The last place of a number near this is 2^-24, and its own last 24 bits are zero.
 const ROUNDER: f64 = 1.5 * (1_u64 << (52 - FRACTION_BITS)) as f64;
 
-/// Rounds a position to 2^-24 px and splits it into whole pixels, rounded down, and the rest in 0..1.
+/// Rounds a position to 2^-24 px and splits it into whole pixels, rounded down, and the rest in 0..1. NaN counts as
+/// far out: its rest is 0.
 #[inline(always)]
 pub(super) fn split(position: f64) -> (i32, f32) {
     let near = if position > -FARTHEST { position } else { -FARTHEST };
@@ -24,39 +25,74 @@ pub(super) fn split(position: f64) -> (i32, f32) {
     (whole.wrapping_sub((ROUNDER.to_bits() >> FRACTION_BITS) as u32) as i32, rest)
 }
 
-/// The taps of one row of a tile.
-pub(super) struct Taps {
-    /// First source pixel along each axis, counted from the window's corner.
-    pub first: [[i32; TILE_WIDTH]; 2],
+/// The taps of one row of a block, T x T each.
+#[derive(Debug)]
+pub(super) struct Taps<const T: usize> {
+    /// Number of the first pixel in the block; 0 beyond the row's end.
+    pub first: [u32; BLOCK_WIDTH],
     /// Fraction of a pixel along each axis.
-    pub rest: [[f32; TILE_WIDTH]; 2],
-    /// Whether all lanes lie inside the source window and no rule but the weighted sum applies.
-    pub plain: [bool; TILE_WIDTH],
+    pub rest: [[f32; BLOCK_WIDTH]; 2],
+    /// Each pixel's weights along x.
+    pub across: [[f32; T]; BLOCK_WIDTH],
+    /// The weights along y, tap by tap.
+    pub down: [[f32; BLOCK_WIDTH]; T],
 }
 
-impl Taps {
-    pub const EMPTY: Self =
-        Self { first: [[0; TILE_WIDTH]; 2], rest: [[0.0; TILE_WIDTH]; 2], plain: [false; TILE_WIDTH] };
+impl<const T: usize> Taps<T> {
+    pub const EMPTY: Self = Self {
+        first: [0; BLOCK_WIDTH],
+        rest: [[0.0; BLOCK_WIDTH]; 2],
+        across: [[0.0; T]; BLOCK_WIDTH],
+        down: [[0.0; BLOCK_WIDTH]; T],
+    };
 
-    /// `taps` and `lanes`: a filter's, as in [`Kernel`](super::filter::Kernel); `between`: whole positions along one
-    /// axis are not plain either, not only those along both.
+    /// `part` holds the footprints of all positions that are not NaN.
     #[inline(always)]
-    pub fn fill(&mut self, source: &Source, positions: [&[f64]; 2], [taps, lanes]: [usize; 2], between: bool) {
-        let corner = source.corner();
+    pub fn fill<const D: usize>(
+        &mut self,
+        kernel: &Kernel<T, D>,
+        source: &Source,
+        positions: [&[f64]; 2],
+        part: &Part,
+    ) {
+        let count = positions[0].len();
+        let mut place = [[0_u32; BLOCK_WIDTH]; 2];
         for axis in 0..2 {
-            let places = self.first[axis].iter_mut().zip(&mut self.rest[axis]);
-            for ((first, rest), &position) in places.zip(positions[axis]) {
-                let (whole, fraction) = split(position - corner[axis] - 0.5);
-                (*first, *rest) = (whole - (taps as i32 / 2 - 1), fraction);
+            let (corner, start) = (source.corner()[axis], part.corner[axis] + (T as i32 / 2 - 1));
+            let last = (part.size[axis] - T) as i32;
+            let places = place[axis].iter_mut().zip(&mut self.rest[axis]);
+            for ((place, rest), &position) in places.zip(positions[axis]) {
+                let (whole, fraction) = split(position - corner - 0.5);
+                (*place, *rest) = ((whole - start).clamp(0, last) as u32, fraction);
             }
         }
-        let size = [source.window.width(), source.window.height()];
-        let limits = [(size[0] + 1).saturating_sub(lanes) as u32, (size[1] + 1).saturating_sub(taps) as u32];
-        for i in 0..positions[0].len() {
-            let inside = ((self.first[0][i] as u32) < limits[0]) & ((self.first[1][i] as u32) < limits[1]);
-            let whole = [self.rest[0][i] == 0.0, self.rest[1][i] == 0.0];
-            let special = if between { whole[0] | whole[1] } else { whole[0] & whole[1] };
-            self.plain[i] = inside & !special;
+        let width = part.size[0] as u32;
+        for i in 0..count {
+            self.first[i] = place[1][i] * width + place[0][i];
         }
+        self.first[count..].fill(0);
+        let mut across = [[0.0; BLOCK_WIDTH]; T];
+        for tap in 0..T {
+            for i in 0..BLOCK_WIDTH {
+                across[tap][i] = kernel.weight(tap, self.rest[0][i]);
+                self.down[tap][i] = kernel.weight(tap, self.rest[1][i]);
+            }
+        }
+        for i in 0..BLOCK_WIDTH {
+            self.across[i] = std::array::from_fn(|tap| across[tap][i]);
+        }
+    }
+
+    /// Whether pixel `i` stands at a whole position; with `either` along one axis at least. So does one that is not drawn.
+    #[inline(always)]
+    pub fn is_whole(&self, i: usize, either: bool) -> bool {
+        let [x, y] = [self.rest[0][i] == 0.0, self.rest[1][i] == 0.0];
+        (x & y) | (either & (x | y))
+    }
+
+    /// Whether one of the first `count` pixels does.
+    #[inline(always)]
+    pub fn some_whole(&self, count: usize, either: bool) -> bool {
+        (0..count).fold(false, |some, i| some | self.is_whole(i, either))
     }
 }
