@@ -99,7 +99,10 @@ impl<const T: usize, const D: usize> Kernel<T, D> {
     #[inline(always)]
     pub fn weight(&self, tap: usize, t: f32) -> f32 {
         let s = t - 0.5;
-        let q = (0..D - 1).rev().fold(self.q[D - 1][tap], |q, d| q * s + self.q[d][tap]);
+        let mut q = self.q[D - 1][tap];
+        for d in (0..D - 1).rev() {
+            q = q * s + self.q[d][tap];
+        }
         self.at_zero[tap] + t * q
     }
 

@@ -6,8 +6,8 @@ use super::locate::Located;
 use super::sample::Source;
 use super::taps::Taps;
 use super::weigh::{self, Footprint, Values};
+use crate::poisson::simd::vectorized;
 use crate::view::{View, ViewMut};
-use pulp::{Arch, Simd, WithSimd};
 
 /// Planes that are weighed together.
 const TOGETHER: usize = 4;
@@ -71,10 +71,12 @@ impl<const T: usize, const D: usize, const C: usize> Painter<'_, '_, T, D, C> {
 
     /// Draws some pixels from one block, or in parts from smaller ones.
     fn draw(&mut self, pixels: Pixels) -> u64 {
-        match Arch::new().dispatch(Once { painter: self, pixels: &pixels }) {
-            Some(bad) => bad,
-            None => pixels.halves().map(|half| self.draw(half)).into_iter().sum(),
-        }
+        let mut bad = None;
+        vectorized(
+            #[inline(always)]
+            || bad = self.once(&pixels),
+        );
+        bad.unwrap_or_else(|| pixels.halves().map(|half| self.draw(half)).into_iter().sum())
     }
 
     /// Draws some pixels, unless they lie too far apart in the source.
@@ -91,7 +93,11 @@ impl<const T: usize, const D: usize, const C: usize> Painter<'_, '_, T, D, C> {
             return None;
         }
         self.block.load(self.source, &self.planes, part);
-        Some(pixels.rows.clone().map(|row| self.row(row, pixels)).sum())
+        let mut bad = 0;
+        for row in pixels.rows.clone() {
+            bad += self.row(row, pixels);
+        }
+        Some(bad)
     }
 
     #[inline(always)]
@@ -105,8 +111,7 @@ impl<const T: usize, const D: usize, const C: usize> Painter<'_, '_, T, D, C> {
         if self.clamp {
             weigh::clamp(self.block, &self.taps, &mut values);
         }
-        let special = self.taps.some_whole(xs.len(), self.clamp);
-        let bad = if wild || special { self.mend(xs, &mut values) } else { 0 };
+        let bad = if wild || self.taps.some_whole(self.clamp) { self.mend(xs, &mut values) } else { 0 };
         let count = self.out.len();
         let mut rows: [&mut [f32]; C] = std::array::from_fn(|_| Default::default());
         let columns = self.left + pixels.columns.start..self.left + pixels.columns.end;
@@ -132,21 +137,6 @@ impl<const T: usize, const D: usize, const C: usize> Painter<'_, '_, T, D, C> {
             }
         }
         bad
-    }
-}
-
-/// Drawing from one block, compiled for the vectors of the machine at hand.
-struct Once<'p, 'a, 'b, const T: usize, const D: usize, const C: usize> {
-    painter: &'p mut Painter<'a, 'b, T, D, C>,
-    pixels: &'p Pixels,
-}
-
-impl<const T: usize, const D: usize, const C: usize> WithSimd for Once<'_, '_, '_, T, D, C> {
-    type Output = Option<u64>;
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) -> Option<u64> {
-        self.painter.once(self.pixels)
     }
 }
 

@@ -4,6 +4,7 @@ use super::forward::Forward;
 use super::net::{Net, Place};
 use super::{Map, spans::Point};
 use crate::lattice::Positions;
+use crate::poisson::simd::vectorized;
 use crate::rect::Rect;
 use crate::steps::Steps;
 use crate::{Interrupted, Watch};
@@ -149,30 +150,32 @@ fn gather(net: &Net, clip: &Clip, tile: &Rect, out: &mut Located) {
     let dense = columns.iter().enumerate().all(|(i, place)| place.node == first + i && place.next == first + i + step);
     let steps: Vec<f64> = columns.iter().map(|place| place.t).collect();
     let mut nodes = vec![0.0; end - first];
-    let arch = pulp::Arch::new();
-    for (row, y) in (tile.y0..tile.y1).enumerate() {
-        let place = net.center(1, y);
-        let pixels = row * out.width..(row + 1) * out.width;
-        let (xs, ys) = (&mut out.x[pixels.clone()], &mut out.y[pixels]);
-        arch.dispatch(|| {
-            for (axis, out) in [&mut *xs, &mut *ys].into_iter().enumerate() {
-                blend_rows(net, axis, place, first, &mut nodes);
-                if dense {
-                    for (((out, here), next), t) in out.iter_mut().zip(&nodes).zip(&nodes[step..]).zip(&steps) {
-                        *out = here + t * (next - here);
-                    }
-                } else {
-                    for (out, place) in out.iter_mut().zip(&columns) {
-                        *out = place.blend(nodes[place.node - first], nodes[place.next - first]);
+    vectorized(
+        #[inline(always)]
+        || {
+            for (row, y) in (tile.y0..tile.y1).enumerate() {
+                let place = net.center(1, y);
+                let pixels = row * out.width..(row + 1) * out.width;
+                let (xs, ys) = (&mut out.x[pixels.clone()], &mut out.y[pixels]);
+                for (axis, out) in [&mut *xs, &mut *ys].into_iter().enumerate() {
+                    blend_rows(net, axis, place, first, &mut nodes);
+                    if dense {
+                        for (((out, here), next), t) in out.iter_mut().zip(&nodes).zip(&nodes[step..]).zip(&steps) {
+                            *out = here + t * (next - here);
+                        }
+                    } else {
+                        for (out, place) in out.iter_mut().zip(&columns) {
+                            *out = place.blend(nodes[place.node - first], nodes[place.next - first]);
+                        }
                     }
                 }
+                for (x, y) in xs.iter_mut().zip(ys.iter_mut()) {
+                    let inside = clip.holds([*x, *y]);
+                    (*x, *y) = if inside { (*x, *y) } else { (f64::NAN, f64::NAN) };
+                }
             }
-            for (x, y) in xs.iter_mut().zip(ys.iter_mut()) {
-                let inside = clip.holds([*x, *y]);
-                (*x, *y) = if inside { (*x, *y) } else { (f64::NAN, f64::NAN) };
-            }
-        });
-    }
+        },
+    );
 }
 
 /// One coordinate of the map on the line at `place`, at the columns of nodes from `first` on.

@@ -34,11 +34,14 @@ pub(super) fn sums<const T: usize, const C: usize>(block: &Block<C>, taps: &Taps
         return false;
     }
     let (pixels, stride) = block.pixels(0);
-    let last = taps.first.iter().fold(0, |last, &first| if first > last { first } else { last });
+    let mut last = 0;
+    for first in taps.first {
+        last = if first > last { first } else { last };
+    }
     assert!(last as usize + (FOUR - 1) * stride + FOUR <= pixels.len(), "the block holds the footprints");
     let (samples, across) = (pixels.as_flattened(), taps.across.as_flattened());
     // SAFETY: the processor has AVX-512; each footprint lies in `samples`.
-    unsafe { fours(samples, stride * FOUR, &taps.first, across, &taps.down, values.as_flattened_mut()) }
+    unsafe { fours(samples, stride * FOUR, &taps.first, taps.count, across, &taps.down, values.as_flattened_mut()) }
     true
 }
 
@@ -50,6 +53,7 @@ unsafe fn fours(
     samples: &[f32],
     stride: usize,
     first: &[u32; BLOCK_WIDTH],
+    count: usize,
     across: &[f32],
     down: &[[f32; BLOCK_WIDTH]],
     values: &mut [f32],
@@ -58,7 +62,7 @@ unsafe fn fours(
         let [a, b, c, d] = [0, 1, 2, 3].map(|column| (FOUR * i + column) as i32);
         _mm512_setr_epi32(a, a, a, a, b, b, b, b, c, c, c, c, d, d, d, d)
     });
-    for start in (0..BLOCK_WIDTH).step_by(FOUR) {
+    for start in (0..count).step_by(FOUR) {
         let mut terms = [_mm512_setzero_ps(); FOUR];
         // SAFETY: as the caller promised.
         unsafe {

@@ -7,6 +7,8 @@ use super::block::{BLOCK_WIDTH, Part};
 use super::filter::{FRACTION_BITS, Kernel, RESOLUTION};
 use super::sample::Source;
 
+/// Pixels whose weights are computed together.
+const GROUP: usize = 16;
 const ONE: u64 = 1 << FRACTION_BITS;
 /// Positions farther out than this, px, count as lying here.
 const FARTHEST: f64 = (1_u64 << 27) as f64;
@@ -28,6 +30,8 @@ pub(super) fn split(position: f64) -> (i32, f32) {
 /// The taps of one row of a block, T x T each.
 #[derive(Debug)]
 pub(super) struct Taps<const T: usize> {
+    /// Pixels of the row.
+    pub count: usize,
     /// Number of the first pixel in the block; 0 beyond the row's end.
     pub first: [u32; BLOCK_WIDTH],
     /// Fraction of a pixel along each axis.
@@ -40,6 +44,7 @@ pub(super) struct Taps<const T: usize> {
 
 impl<const T: usize> Taps<T> {
     pub const EMPTY: Self = Self {
+        count: 0,
         first: [0; BLOCK_WIDTH],
         rest: [[0.0; BLOCK_WIDTH]; 2],
         across: [[0.0; T]; BLOCK_WIDTH],
@@ -55,7 +60,7 @@ impl<const T: usize> Taps<T> {
         positions: [&[f64]; 2],
         part: &Part,
     ) {
-        let count = positions[0].len();
+        self.count = positions[0].len();
         let mut place = [[0_u32; BLOCK_WIDTH]; 2];
         for axis in 0..2 {
             let (corner, start) = (source.corner()[axis], part.corner[axis] + (T as i32 / 2 - 1));
@@ -67,19 +72,29 @@ impl<const T: usize> Taps<T> {
             }
         }
         let width = part.size[0] as u32;
-        for i in 0..count {
+        for i in 0..self.count {
             self.first[i] = place[1][i] * width + place[0][i];
         }
-        self.first[count..].fill(0);
-        let mut across = [[0.0; BLOCK_WIDTH]; T];
+        self.first[self.count..].fill(0);
+        for start in (0..self.count).step_by(GROUP) {
+            self.weigh(kernel, start);
+        }
+    }
+
+    /// The weights of a group of pixels.
+    #[inline(always)]
+    fn weigh<const D: usize>(&mut self, kernel: &Kernel<T, D>, start: usize) {
+        let mut across = [[0.0; GROUP]; T];
         for tap in 0..T {
-            for i in 0..BLOCK_WIDTH {
-                across[tap][i] = kernel.weight(tap, self.rest[0][i]);
-                self.down[tap][i] = kernel.weight(tap, self.rest[1][i]);
+            for i in 0..GROUP {
+                across[tap][i] = kernel.weight(tap, self.rest[0][start + i]);
+                self.down[tap][start + i] = kernel.weight(tap, self.rest[1][start + i]);
             }
         }
-        for i in 0..BLOCK_WIDTH {
-            self.across[i] = std::array::from_fn(|tap| across[tap][i]);
+        for i in 0..GROUP {
+            for tap in 0..T {
+                self.across[start + i][tap] = across[tap][i];
+            }
         }
     }
 
@@ -90,9 +105,13 @@ impl<const T: usize> Taps<T> {
         (x & y) | (either & (x | y))
     }
 
-    /// Whether one of the first `count` pixels does.
+    /// Whether one of the pixels does.
     #[inline(always)]
-    pub fn some_whole(&self, count: usize, either: bool) -> bool {
-        (0..count).fold(false, |some, i| some | self.is_whole(i, either))
+    pub fn some_whole(&self, either: bool) -> bool {
+        let mut some = false;
+        for i in 0..self.count {
+            some |= self.is_whole(i, either);
+        }
+        some
     }
 }

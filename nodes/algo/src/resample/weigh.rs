@@ -4,6 +4,9 @@ use super::block::{BLOCK_WIDTH, Block};
 use super::filter::Kernel;
 use super::taps::Taps;
 
+/// Pixels weighed together.
+const GROUP: usize = 8;
+
 /// Values of a row's pixels, each with C channels.
 pub(super) type Values<const C: usize> = [[f32; C]; BLOCK_WIDTH];
 
@@ -14,28 +17,35 @@ pub(super) fn sums<const T: usize, const C: usize>(block: &Block<C>, taps: &Taps
     if super::simd::sums(block, taps, values) {
         return;
     }
-    let mut terms = [[[0.0; C]; T]; BLOCK_WIDTH];
-    for i in 0..BLOCK_WIDTH {
-        let (pixels, stride) = block.pixels(taps.first[i]);
-        let columns = &mut terms[i];
-        for row in 0..T {
-            let weight = taps.down[row][i];
-            let samples: &[[f32; C]; T] = pixels[row * stride..].first_chunk().expect("the block holds the footprint");
-            for column in 0..T {
-                for channel in 0..C {
-                    columns[column][channel] += weight * samples[column][channel];
-                }
+    for start in (0..taps.count).step_by(GROUP) {
+        let terms: [_; GROUP] = std::array::from_fn(|i| terms(block, taps, start + i));
+        for (value, terms) in values[start..].iter_mut().zip(&terms) {
+            for channel in 0..C {
+                value[channel] = total::<T>(std::array::from_fn(|column| terms[column][channel]));
             }
         }
+    }
+}
+
+/// What each column of pixel `i` gives.
+#[inline(always)]
+fn terms<const T: usize, const C: usize>(block: &Block<C>, taps: &Taps<T>, i: usize) -> [[f32; C]; T] {
+    let (pixels, stride) = block.pixels(taps.first[i]);
+    let mut terms = [[0.0; C]; T];
+    for row in 0..T {
+        let samples: &[[f32; C]; T] = pixels[row * stride..].first_chunk().expect("the block holds the footprint");
         for column in 0..T {
             for channel in 0..C {
-                columns[column][channel] *= taps.across[i][column];
+                terms[column][channel] += taps.down[row][i] * samples[column][channel];
             }
         }
     }
-    for (value, terms) in values.iter_mut().zip(&terms) {
-        *value = std::array::from_fn(|channel| total::<T>(std::array::from_fn(|column| terms[column][channel])));
+    for column in 0..T {
+        for channel in 0..C {
+            terms[column][channel] *= taps.across[i][column];
+        }
     }
+    terms
 }
 
 /// The sum of the columns' terms: those beyond four added to the first ones, then in pairs. Never minus zero.
@@ -63,7 +73,7 @@ pub(super) fn some_not_finite<const C: usize>(values: &Values<C>) -> bool {
 #[inline(always)]
 pub(super) fn clamp<const T: usize, const C: usize>(block: &Block<C>, taps: &Taps<T>, values: &mut Values<C>) {
     let middle = T / 2 - 1;
-    for (i, value) in values.iter_mut().enumerate() {
+    for (i, value) in values.iter_mut().enumerate().take(taps.count) {
         let (pixels, stride) = block.pixels(taps.first[i]);
         let [upper, lower]: [&[[f32; C]; 2]; 2] = [middle, middle + 1].map(|row| {
             pixels[row * stride + middle..].first_chunk().expect("the block holds the footprint")
