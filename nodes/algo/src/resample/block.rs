@@ -13,8 +13,10 @@ use std::ops::Range;
 pub(super) const BLOCK_WIDTH: usize = 64;
 /// Most source pixels of a part.
 const LARGEST: usize = 1 << 15;
+/// Pixels that are drawn one by one if they lie too far apart.
+const FEW: usize = 64;
 /// Lanes of a search for the least and the greatest.
-const LANES: usize = 32;
+const LANES: usize = 8;
 
 /// A rectangle of a tile's pixels.
 #[derive(Clone, Debug)]
@@ -28,16 +30,21 @@ impl Pixels {
         self.columns.len() * self.rows.len()
     }
 
-    /// Two parts, cut across the longer side.
-    pub fn halves(&self) -> [Self; 2] {
+    /// In smaller parts: single pixels if there are few, else halves, cut across the longer side.
+    pub fn parts(&self) -> Vec<Self> {
+        if self.count() <= FEW {
+            let (rows, columns) = (self.rows.clone(), self.columns.clone());
+            let single = |row, column| Self { columns: column..column + 1, rows: row..row + 1 };
+            return rows.flat_map(|row| columns.clone().map(move |column| single(row, column))).collect();
+        }
         let cut = |range: &Range<usize>| {
             let middle = range.start + range.len() / 2;
             [range.start..middle, middle..range.end]
         };
         if self.columns.len() >= self.rows.len() {
-            cut(&self.columns).map(|columns| Self { columns, ..self.clone() })
+            cut(&self.columns).map(|columns| Self { columns, ..self.clone() }).into()
         } else {
-            cut(&self.rows).map(|rows| Self { rows, ..self.clone() })
+            cut(&self.rows).map(|rows| Self { rows, ..self.clone() }).into()
         }
     }
 }
@@ -146,7 +153,11 @@ impl<const C: usize> Block<C> {
 #[inline(always)]
 fn interleave<const C: usize>(rows: [&[f32]; C], line: &mut [[f32; C]]) {
     let rows = rows.map(|row| &row[..line.len()]);
-    for (x, pixel) in line.iter_mut().enumerate() {
+    #[cfg(target_arch = "x86_64")]
+    let done = super::simd::interleave(rows, line);
+    #[cfg(not(target_arch = "x86_64"))]
+    let done = 0;
+    for (x, pixel) in line.iter_mut().enumerate().skip(done) {
         *pixel = std::array::from_fn(|channel| rows[channel][x]);
     }
 }

@@ -76,7 +76,7 @@ impl<const T: usize, const D: usize, const C: usize> Painter<'_, '_, T, D, C> {
             #[inline(always)]
             || bad = self.once(&pixels),
         );
-        bad.unwrap_or_else(|| pixels.halves().map(|half| self.draw(half)).into_iter().sum())
+        bad.unwrap_or_else(|| pixels.parts().into_iter().map(|part| self.draw(part)).sum())
     }
 
     /// Draws some pixels, unless they lie too far apart in the source.

@@ -39,43 +39,45 @@ pub(super) fn sums<const T: usize, const C: usize>(block: &Block<C>, taps: &Taps
         last = if first > last { first } else { last };
     }
     assert!(last as usize + (FOUR - 1) * stride + FOUR <= pixels.len(), "the block holds the footprints");
-    let (samples, across) = (pixels.as_flattened(), taps.across.as_flattened());
+    let (samples, values) = (pixels.as_flattened(), values.as_flattened_mut());
+    let [across, down] = &taps.weights;
     // SAFETY: the processor has AVX-512; each footprint lies in `samples`.
-    unsafe { fours(samples, stride * FOUR, &taps.first, taps.count, across, &taps.down, values.as_flattened_mut()) }
+    unsafe { fours(samples, stride * FOUR, &taps.first[..taps.count.next_multiple_of(FOUR)], across, down, values) }
     true
 }
 
 /// # Safety
-/// From `FOUR` times each of `first` on, `FOUR` rows of `LINE` samples, `stride` apart, lie in `samples`. There are
-/// `BLOCK_WIDTH` times `FOUR` of `across` and of `values`, and `FOUR` of `down`.
+/// From `FOUR` times each of `first` on, `FOUR` rows of `LINE` samples, `stride` apart, lie in `samples`. There is a multiple
+/// of `FOUR` of `first`, `BLOCK_WIDTH` at most, that many times `FOUR` of `values`, and `FOUR` of `across` and of `down`.
 #[target_feature(enable = "avx512f")]
 unsafe fn fours(
     samples: &[f32],
     stride: usize,
-    first: &[u32; BLOCK_WIDTH],
-    count: usize,
-    across: &[f32],
+    first: &[u32],
+    across: &[[f32; BLOCK_WIDTH]],
     down: &[[f32; BLOCK_WIDTH]],
     values: &mut [f32],
 ) {
-    let spread: [__m512i; FOUR] = std::array::from_fn(|i| {
-        let [a, b, c, d] = [0, 1, 2, 3].map(|column| (FOUR * i + column) as i32);
-        _mm512_setr_epi32(a, a, a, a, b, b, b, b, c, c, c, c, d, d, d, d)
-    });
-    for start in (0..count).step_by(FOUR) {
-        let mut terms = [_mm512_setzero_ps(); FOUR];
+    for start in (0..first.len()).step_by(FOUR) {
         // SAFETY: as the caller promised.
         unsafe {
-            let weights = _mm512_loadu_ps(across.as_ptr().add(start * FOUR));
-            for i in 0..FOUR {
+            // Row by row the weights of a tap for four pixels.
+            let tap = |tap: usize| _mm_loadu_ps(across[tap].as_ptr().add(start));
+            let weights = _mm512_castps128_ps512(tap(0));
+            let weights = _mm512_insertf32x4::<1>(weights, tap(1));
+            let weights = _mm512_insertf32x4::<2>(weights, tap(2));
+            let weights = _mm512_insertf32x4::<3>(weights, tap(3));
+            let column = |i: usize| {
                 let at = samples.as_ptr().add(first[start + i] as usize * FOUR);
                 let row = |row: usize| {
                     _mm512_mul_ps(_mm512_set1_ps(down[row][start + i]), _mm512_loadu_ps(at.add(row * stride)))
                 };
-                let sum = _mm512_add_ps(_mm512_add_ps(_mm512_add_ps(row(0), row(1)), row(2)), row(3));
-                terms[i] = _mm512_mul_ps(sum, _mm512_permutexvar_ps(spread[i], weights));
-            }
-            let [a, b, c, d] = terms;
+                _mm512_add_ps(_mm512_add_ps(_mm512_add_ps(row(0), row(1)), row(2)), row(3))
+            };
+            let a = _mm512_mul_ps(column(0), _mm512_permute_ps::<0x00>(weights));
+            let b = _mm512_mul_ps(column(1), _mm512_permute_ps::<0x55>(weights));
+            let c = _mm512_mul_ps(column(2), _mm512_permute_ps::<0xaa>(weights));
+            let d = _mm512_mul_ps(column(3), _mm512_permute_ps::<0xff>(weights));
             let sum = _mm512_add_ps(pairs(pairs(a, b), pairs(c, d)), _mm512_setzero_ps());
             _mm512_storeu_ps(values.as_mut_ptr().add(start * FOUR), sum);
         }
@@ -87,6 +89,60 @@ unsafe fn fours(
 #[target_feature(enable = "avx512f")]
 fn pairs(a: __m512, b: __m512) -> __m512 {
     _mm512_add_ps(_mm512_shuffle_f32x4::<0x88>(a, b), _mm512_shuffle_f32x4::<0xdd>(a, b))
+}
+
+/// Writes the pixels of rows of planes, as many as fill whole vectors, with their channels side by side. Returns how many.
+#[inline(always)]
+pub(super) fn interleave<const C: usize>(rows: [&[f32]; C], pixels: &mut [[f32; C]]) -> usize {
+    let count = pixels.len() / LINE * LINE;
+    match <&[&[f32]; FOUR]>::try_from(&rows[..]) {
+        Ok(rows) if available() => {
+            let rows = rows.map(|row| &row[..count]);
+            // SAFETY: the processor has AVX-512; there are `count` pixels and more.
+            unsafe { interleave_lines(rows, pixels.as_flattened_mut()) }
+            count
+        }
+        _ => 0,
+    }
+}
+
+/// # Safety
+/// The rows have one length, a multiple of `LINE`; there are `FOUR` times as many of `pixels`, at least.
+#[target_feature(enable = "avx512f")]
+unsafe fn interleave_lines(rows: [&[f32]; FOUR], pixels: &mut [f32]) {
+    for start in (0..rows[0].len()).step_by(LINE) {
+        // SAFETY: as the caller promised.
+        unsafe {
+            let [a, b, c, d] = rows.map(|row| _mm512_loadu_ps(row.as_ptr().add(start)));
+            // Pixels 0, 4, 8, 12 in p, the next ones in q, r, s.
+            let [p, q, r, s] = turned(a, b, c, d);
+            let (pq, rs) = (_mm512_shuffle_f32x4::<0x44>(p, q), _mm512_shuffle_f32x4::<0x44>(r, s));
+            let (qp, sr) = (_mm512_shuffle_f32x4::<0xee>(p, q), _mm512_shuffle_f32x4::<0xee>(r, s));
+            let fours = [
+                _mm512_shuffle_f32x4::<0x88>(pq, rs),
+                _mm512_shuffle_f32x4::<0xdd>(pq, rs),
+                _mm512_shuffle_f32x4::<0x88>(qp, sr),
+                _mm512_shuffle_f32x4::<0xdd>(qp, sr),
+            ];
+            for (i, four) in fours.into_iter().enumerate() {
+                _mm512_storeu_ps(pixels.as_mut_ptr().add(start * FOUR + i * LINE), four);
+            }
+        }
+    }
+}
+
+/// In each group of four lanes, the groups of four vectors as rows made columns.
+#[inline]
+#[target_feature(enable = "avx512f")]
+fn turned(a: __m512, b: __m512, c: __m512, d: __m512) -> [__m512; FOUR] {
+    let (low, next_low) = (_mm512_unpacklo_ps(a, b), _mm512_unpacklo_ps(c, d));
+    let (high, next_high) = (_mm512_unpackhi_ps(a, b), _mm512_unpackhi_ps(c, d));
+    [
+        _mm512_shuffle_ps::<0x44>(low, next_low),
+        _mm512_shuffle_ps::<0xee>(low, next_low),
+        _mm512_shuffle_ps::<0x44>(high, next_high),
+        _mm512_shuffle_ps::<0xee>(high, next_high),
+    ]
 }
 
 /// Writes the values' channels to rows of planes past the cache; false if they are not four rows of whole cache lines.
@@ -128,14 +184,7 @@ fn transposed([a, b, c, d]: [__m512; FOUR]) -> [__m512; FOUR] {
     // Pixels 0, 4, 8, 12 in p, the next ones in q, r, s.
     let (p, q) = (_mm512_shuffle_f32x4::<0x88>(ab, cd), _mm512_shuffle_f32x4::<0xdd>(ab, cd));
     let (r, s) = (_mm512_shuffle_f32x4::<0x88>(ef, gh), _mm512_shuffle_f32x4::<0xdd>(ef, gh));
-    let (low, next_low) = (_mm512_unpacklo_ps(p, q), _mm512_unpacklo_ps(r, s));
-    let (high, next_high) = (_mm512_unpackhi_ps(p, q), _mm512_unpackhi_ps(r, s));
-    [
-        _mm512_shuffle_ps::<0x44>(low, next_low),
-        _mm512_shuffle_ps::<0xee>(low, next_low),
-        _mm512_shuffle_ps::<0x44>(high, next_high),
-        _mm512_shuffle_ps::<0xee>(high, next_high),
-    ]
+    turned(p, q, r, s)
 }
 
 /// Waits until all stores of [`store`] can be seen.

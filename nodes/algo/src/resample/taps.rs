@@ -7,8 +7,6 @@ use super::block::{BLOCK_WIDTH, Part};
 use super::filter::{FRACTION_BITS, Kernel, RESOLUTION};
 use super::sample::Source;
 
-/// Pixels whose weights are computed together.
-const GROUP: usize = 16;
 const ONE: u64 = 1 << FRACTION_BITS;
 /// Positions farther out than this, px, count as lying here.
 const FARTHEST: f64 = (1_u64 << 27) as f64;
@@ -36,10 +34,8 @@ pub(super) struct Taps<const T: usize> {
     pub first: [u32; BLOCK_WIDTH],
     /// Fraction of a pixel along each axis.
     pub rest: [[f32; BLOCK_WIDTH]; 2],
-    /// Each pixel's weights along x.
-    pub across: [[f32; T]; BLOCK_WIDTH],
-    /// The weights along y, tap by tap.
-    pub down: [[f32; BLOCK_WIDTH]; T],
+    /// The weights along each axis, tap by tap.
+    pub weights: [[[f32; BLOCK_WIDTH]; T]; 2],
 }
 
 impl<const T: usize> Taps<T> {
@@ -47,8 +43,7 @@ impl<const T: usize> Taps<T> {
         count: 0,
         first: [0; BLOCK_WIDTH],
         rest: [[0.0; BLOCK_WIDTH]; 2],
-        across: [[0.0; T]; BLOCK_WIDTH],
-        down: [[0.0; BLOCK_WIDTH]; T],
+        weights: [[[0.0; BLOCK_WIDTH]; T]; 2],
     };
 
     /// `part` holds the footprints of all positions that are not NaN.
@@ -76,24 +71,12 @@ impl<const T: usize> Taps<T> {
             self.first[i] = place[1][i] * width + place[0][i];
         }
         self.first[self.count..].fill(0);
-        for start in (0..self.count).step_by(GROUP) {
-            self.weigh(kernel, start);
-        }
-    }
-
-    /// The weights of a group of pixels.
-    #[inline(always)]
-    fn weigh<const D: usize>(&mut self, kernel: &Kernel<T, D>, start: usize) {
-        let mut across = [[0.0; GROUP]; T];
-        for tap in 0..T {
-            for i in 0..GROUP {
-                across[tap][i] = kernel.weight(tap, self.rest[0][start + i]);
-                self.down[tap][start + i] = kernel.weight(tap, self.rest[1][start + i]);
-            }
-        }
-        for i in 0..GROUP {
+        for axis in 0..2 {
+            let rest = &self.rest[axis][..self.count];
             for tap in 0..T {
-                self.across[start + i][tap] = across[tap][i];
+                for (weight, &t) in self.weights[axis][tap].iter_mut().zip(rest) {
+                    *weight = kernel.weight(tap, t);
+                }
             }
         }
     }

@@ -36,13 +36,13 @@ fn terms<const T: usize, const C: usize>(block: &Block<C>, taps: &Taps<T>, i: us
         let samples: &[[f32; C]; T] = pixels[row * stride..].first_chunk().expect("the block holds the footprint");
         for column in 0..T {
             for channel in 0..C {
-                terms[column][channel] += taps.down[row][i] * samples[column][channel];
+                terms[column][channel] += taps.weights[1][row][i] * samples[column][channel];
             }
         }
     }
     for column in 0..T {
         for channel in 0..C {
-            terms[column][channel] *= taps.across[i][column];
+            terms[column][channel] *= taps.weights[0][column][i];
         }
     }
     terms
