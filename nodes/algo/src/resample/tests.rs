@@ -2,6 +2,8 @@ use super::*;
 use crate::UNWATCHED;
 use proptest::prelude::*;
 
+mod wide;
+
 const FILTERS: [Filter; 4] = [Filter::Nearest, Filter::Linear, Filter::Cubic, Filter::Lanczos3];
 const EDGES: [Edge; 4] = [Edge::Transparent, Edge::Clamp, Edge::Mirror, Edge::Wrap];
 

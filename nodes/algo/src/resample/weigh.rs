@@ -75,9 +75,8 @@ pub(super) fn clamp<const T: usize, const C: usize>(block: &Block<C>, taps: &Tap
     let middle = T / 2 - 1;
     for (i, value) in values.iter_mut().enumerate().take(taps.count) {
         let (pixels, stride) = block.pixels(taps.first[i]);
-        let [upper, lower]: [&[[f32; C]; 2]; 2] = [middle, middle + 1].map(|row| {
-            pixels[row * stride + middle..].first_chunk().expect("the block holds the footprint")
-        });
+        let [upper, lower]: [&[[f32; C]; 2]; 2] = [middle, middle + 1]
+            .map(|row| pixels[row * stride + middle..].first_chunk().expect("the block holds the footprint"));
         *value = std::array::from_fn(|channel| {
             let [a, b, c, d] = [upper[0], upper[1], lower[0], lower[1]].map(|pixel| pixel[channel]);
             cut(value[channel], [a.min(b).min(c.min(d)), a.max(b).max(c.max(d))])

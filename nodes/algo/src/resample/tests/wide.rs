@@ -1,0 +1,34 @@
+//! Four planes drawn together beside each drawn alone.
+
+use super::*;
+
+/// Four planes are weighed by vectors made for them where the processor has them, one alone by plain loops.
+#[test]
+fn planes_drawn_together_and_alone_have_the_same_bits() {
+    let window = Rect::new(0, 0, 150, 130);
+    let hard: Vec<_> = (0..4).map(|seed| hard_picture(window, seed)).collect();
+    let tame: Vec<_> = (0..4).map(|seed| noise(window.width() * window.height(), seed)).collect();
+    let lattice = over(window, [150, 130]);
+    // Shrunk by 0.8 a block is drawn from one copy, by 9 pixel by pixel.
+    for shrink in [0.8, 9.0] {
+        let turned = |[x, y]: [f64; 2]| [shrink * (x - 0.6 * y) + 40.3, shrink * (0.6 * x + y) - 30.7];
+        let positions = Positions::from_map(&lattice, turned);
+        let map = Map::Backward { lattice: &lattice, positions: &positions };
+        for (planes, filter) in [&hard, &tame].into_iter().flat_map(|planes| FILTERS.map(|filter| (planes, filter))) {
+            for clamp_ringing in [false, true] {
+                let sampling = Sampling { filter, edge: Edge::Transparent, clamp_ringing };
+                let draw = |planes: &[Vec<f32>]| {
+                    let mut out = vec![vec![f32::NAN; 150 * 130]; planes.len()];
+                    let views: Vec<_> = planes.iter().map(|plane| View::packed(plane, 150, 130)).collect();
+                    let outs = out.iter_mut().map(|out| ViewMut::packed(out, 150, 130)).collect();
+                    draw(&map, window, window, &sampling, &views, outs, UNWATCHED).expect("unwatched");
+                    out.iter().map(|plane| bits(plane)).collect::<Vec<_>>()
+                };
+                let alone: Vec<_> = planes.iter().flat_map(|plane| draw(std::slice::from_ref(plane))).collect();
+                for count in [2, 3, 4] {
+                    assert!(draw(&planes[..count]) == alone[..count], "{count}: {filter:?} {clamp_ringing} {shrink}");
+                }
+            }
+        }
+    }
+}
