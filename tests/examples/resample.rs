@@ -12,6 +12,9 @@ use warploom_algo::rect::Rect;
 use warploom_algo::resample::{Edge, Filter, Map, Sampling, draw};
 use warploom_algo::view::{View, ViewMut};
 
+/// Samples in a cache line.
+const LINE: usize = 16;
+
 fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let text = |i: usize| arguments.get(i).unwrap_or_else(|| panic!("argument {} is missing", i + 1)).as_str();
@@ -39,7 +42,10 @@ fn main() {
     let sampling = Sampling { filter, edge: Edge::Transparent, clamp_ringing: false };
     let window = Rect::new(0, 0, width as i64, height as i64);
     let views: Vec<_> = picture.chunks(width * height).map(|plane| View::packed(plane, width, height)).collect();
-    let mut out = vec![1.0_f32; width * height * planes];
+    // Planes start at a cache line, as those of pictures do.
+    let mut room = vec![1.0_f32; width * height * planes + LINE];
+    let start = room.as_ptr().align_offset(LINE * size_of::<f32>());
+    let out = &mut room[start..start + width * height * planes];
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a pool");
     for _ in 0..whole(11) {
         let outs = out.chunks_mut(width * height).map(|plane| ViewMut::packed(plane, width, height)).collect();
