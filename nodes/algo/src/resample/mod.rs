@@ -1,8 +1,8 @@
 //! Drawing a picture through a warp.
 //!
 //! Two ideas, apart: *locate* finds the source position of each destination pixel (`locate`, `forward`), *sample*
-//! turns source positions into filtered values (`sample`, and block by block `filtered`). A map is a lattice with the positions of its nodes,
-//! bilinear between them; outside the lattice the border cells' bilinear patches continue.
+//! turns source positions into filtered values (`sample`, and block by block `filtered`). A map is a lattice with the
+//! positions of its nodes, bilinear between them; outside the lattice the border cells' bilinear patches continue.
 //!
 //! A forward map is drawn cell by cell: where no cell folds, every pixel centre in the image of the lattice is
 //! owned by exactly one cell, shared edges and vertices included (`spans` says how that is decided), and its source

@@ -71,11 +71,11 @@ impl<const T: usize> Taps<T> {
             self.first[i] = place[1][i] * width + place[0][i];
         }
         self.first[self.count..].fill(0);
+        // Beyond the row's end too: loops of fixed length compile to whole vectors.
         for axis in 0..2 {
-            let rest = &self.rest[axis][..self.count];
             for tap in 0..T {
-                for (weight, &t) in self.weights[axis][tap].iter_mut().zip(rest) {
-                    *weight = kernel.weight(tap, t);
+                for i in 0..BLOCK_WIDTH {
+                    self.weights[axis][tap][i] = kernel.weight(tap, self.rest[axis][i]);
                 }
             }
         }
