@@ -5,7 +5,6 @@
 
 use super::locate::Located;
 use super::sample::Source;
-use super::taps::split;
 use crate::view::View;
 use std::ops::Range;
 
