@@ -3,10 +3,11 @@
 use std::sync::{Mutex, PoisonError};
 
 use warploom_algo::lattice::{Lattice, Positions};
+use warploom_algo::rect::Rect as Window;
 use warploom_algo::view::{View, ViewMut};
 use warploom_algo::{Interrupted, Watch, Watcher};
 use warploom_core::node::{Context, ErrorClass, NodeError};
-use warploom_core::value::{Buffer, BufferMut, Grid, Sample, Warp};
+use warploom_core::value::{Buffer, BufferMut, Factor, Grid, Rect, Sample, Warp};
 
 pub fn view<T: Sample>(buffer: &Buffer<T>) -> View<'_, T> {
     View::new(buffer.samples(), buffer.width(), buffer.height(), buffer.stride())
@@ -20,6 +21,49 @@ pub fn view_mut<T: Sample>(buffer: &mut BufferMut<T>) -> ViewMut<'_, T> {
 pub fn lattice(grid: &Grid) -> Lattice {
     Lattice { origin: grid.origin, spacing: grid.spacing, nodes: grid.nodes }
 }
+
+/// A lattice in words.
+pub fn described(grid: &Grid) -> String {
+    let ([columns, rows], [width, height], [left, top]) = (grid.nodes, grid.spacing, grid.origin);
+    let periodic = match grid.periodic {
+        [false, false] => "",
+        [true, false] => ", periodic in x",
+        [false, true] => ", periodic in y",
+        [true, true] => ", periodic in x and y",
+    };
+    format!("{columns} x {rows} nodes, {width} x {height} px apart, from ({left}, {top}){periodic}")
+}
+
+/// Refuses a warp whose lattice is another than `its`, that of what it is to go with.
+pub fn check_lattice(warp: &Warp, port: &'static str, its: &Grid, partner: &str) -> Result<(), NodeError> {
+    if warp.grid == *its {
+        return Ok(());
+    }
+    let message = format!("it is on another lattice ({}) than {partner} ({})", described(&warp.grid), described(its));
+    Err(NodeError::refused(message).at(port).hint("feed both from one Lattice"))
+}
+
+/// The solver that a factor holds, if it is one of `maker`'s.
+pub fn solver<'a, T: 'static>(factor: &'a Factor, port: &'static str, maker: &str) -> Result<&'a T, NodeError> {
+    factor.solver.downcast_ref().ok_or_else(|| {
+        let message = format!("the factor is another solver's ({})", factor.summary["solver"]);
+        NodeError::refused(message).at(port).hint(format!("connect a {maker}"))
+    })
+}
+
+/// Why a solver did without an answer: the lattice needs more memory than there is, or more entries than it counts.
+pub fn too_large(grid: &Grid) -> NodeError {
+    let message = format!("the lattice ({}) is too large for the solver", described(grid));
+    NodeError::new(ErrorClass::OverBudget, message).hint("use larger cells")
+}
+
+/// The algorithms' rectangle.
+pub fn window(rect: &Rect) -> Window {
+    Window { x0: rect.x0.into(), y0: rect.y0.into(), x1: rect.x1.into(), y1: rect.y1.into() }
+}
+
+/// Farthest from the origin that pixels may lie, px.
+pub const FARTHEST: i64 = 1 << 24;
 
 /// A copy of the warp's positions, once there is room for it.
 pub fn positions(cx: &Context, warp: &Warp) -> Result<Positions, NodeError> {

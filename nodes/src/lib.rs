@@ -1,7 +1,9 @@
-//! The nodes of Warploom: thin adapters between the graph and `warploom-algo`. One node, one file; one list of all.
+//! The nodes of Warploom: thin adapters between the graph and `warploom-algo`. One node, one file
+//! (the bends share one); one list of all.
 
 mod adapt;
 pub mod card;
+pub mod detail;
 pub mod feature;
 pub mod grid;
 pub mod handles;
@@ -9,6 +11,8 @@ pub mod image;
 pub mod io;
 pub mod mask;
 pub mod mesh;
+#[cfg(test)]
+mod refusals;
 pub mod time;
 pub mod warp;
 
@@ -30,6 +34,7 @@ pub const NODES: &[Definition] = &[
     def::<warp::Compose>("Compose"),
     def::<card::Constant>("Constant"),
     def::<mesh::Cylinder>("Cylinder"),
+    def::<detail::Detail>("Detail"),
     def::<image::Difference>("Difference"),
     def::<image::DrawGrid>("DrawGrid"),
     def::<feature::FeatureFactor>("FeatureFactor"),
@@ -61,6 +66,7 @@ pub const NODES: &[Definition] = &[
     def::<io::SaveWarp>("SaveWarp"),
     def::<warp::ShellLower>("ShellLower"),
     def::<warp::ShellUpper>("ShellUpper"),
+    def::<detail::SimilarSets>("SimilarSets"),
     def::<mesh::Sphere>("Sphere"),
     def::<warp::Squeeze>("Squeeze"),
     def::<warp::Stretch>("Stretch"),

@@ -16,7 +16,8 @@ pub enum Role {
     /// The id in a reference, and the kinds that its port takes.
     Reference(Vec<Kind>),
     Output,
-    Variant,
+    /// A choice, and all that the parameter takes.
+    Variant(Vec<String>),
     /// A number with its least and greatest value.
     Number(Option<f64>, Option<f64>),
     /// A comma between two parameters.
@@ -91,7 +92,8 @@ struct Maker<'a> {
 
 impl Maker<'_> {
     fn nodes(&mut self, types: &[&NodeType]) {
-        let count = 4 + self.random.below(13);
+        // Graphs grow with the list, so that a fixed number of them uses all of it.
+        let count = 4 + self.random.below(types.len() / 2);
         while self.made.len() < count {
             let possible: Vec<&&NodeType> = types.iter().filter(|t| !t.sink && self.can_feed(t)).collect();
             let unused: Vec<&&NodeType> =
@@ -205,7 +207,8 @@ impl Maker<'_> {
                 let plain: Vec<&str> =
                     variants.iter().filter(|v| v.content.is_none()).map(|v| v.name.as_str()).collect();
                 let name = *self.random.pick(&plain);
-                self.piece(Role::Variant, &param.name, name);
+                let names = variants.iter().map(|variant| variant.name.clone()).collect();
+                self.piece(Role::Variant(names), &param.name, name);
             }
             Shape::Tuple(items) => {
                 self.text.push('(');
@@ -232,7 +235,14 @@ impl Maker<'_> {
                 }
                 _ => self.value(id, param, inner, fed),
             },
-            Shape::Struct(_) => self.text += "()",
+            Shape::Struct(fields) => {
+                self.text.push('(');
+                for (at, field) in fields.iter().filter(|field| field.required).enumerate() {
+                    self.text += &format!("{}{}: ", if at > 0 { ", " } else { "" }, field.name);
+                    self.value(id, field, &field.shape, fed);
+                }
+                self.text.push(')');
+            }
         }
     }
 

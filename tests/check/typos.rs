@@ -57,14 +57,15 @@ impl Slip {
             if pieces.is_empty() { None } else { Some(*random.pick(&pieces)) }
         };
         let named = |piece: &Piece, role: &Role| piece.role == *role && piece.span.len() >= 4;
+        let chosen = |piece: &Piece| matches!(piece.role, Role::Variant(_));
         let (what, code, piece) = match sort {
             0 => ("typo in a type", "unknown_type", fitting(&|piece| named(piece, &Role::Type))?),
             1 => ("typo in a parameter", "unknown_parameter", fitting(&|piece| named(piece, &Role::Parameter))?),
             2 => ("typo in an output", "unknown_output", fitting(&|piece| named(piece, &Role::Output))?),
-            3 => ("typo in a choice", "mistyped", fitting(&|piece| named(piece, &Role::Variant))?),
+            3 => ("typo in a choice", "mistyped", fitting(&|piece| chosen(piece) && piece.span.len() >= 4)?),
             4 => ("typo in a reference", "unknown_node", fitting(&|piece| matches!(piece.role, Role::Reference(_)))?),
             5 => ("wrong type", "mistyped", fitting(&|piece| matches!(piece.role, Role::Number(..)))?),
-            6 => ("choice in quotes", "mistyped", fitting(&|piece| piece.role == Role::Variant)?),
+            6 => ("choice in quotes", "mistyped", fitting(&chosen)?),
             7 => ("missing comma", "syntax", fitting(&|piece| piece.role == Role::Comma)?),
             8 => ("swapped port", "wrong_kind", fitting(&|piece| matches!(piece.role, Role::Reference(_)))?),
             _ => {
@@ -75,9 +76,10 @@ impl Slip {
         let said = good.said(piece).to_owned();
         let slip = |by: &str, mend: &[String]| Some(Self::new(good, what, &piece.span, by, code, mend));
         match (sort, &piece.role) {
-            (0..=4, _) => {
+            (0..=4, role) => {
                 let by = typo(&said, random);
-                let is_a_name = by == said || good.made.iter().any(|made| made.id == by);
+                let is_a_choice = matches!(role, Role::Variant(names) if names.contains(&by));
+                let is_a_name = by == said || is_a_choice || good.made.iter().any(|made| made.id == by);
                 if is_a_name { None } else { slip(&by, &[format!("did you mean `{said}`?")]) }
             }
             (5, _) => slip("true", &["left out, `".into(), format!("write {}: ", piece.param)]),

@@ -8,14 +8,16 @@ use crate::stage::{Stage, Subject, engine, node_types};
 #[test]
 fn another_solvers_factor_is_refused() {
     let (stage, engine) = (Stage::new(), engine(2));
-    for (name, source, message) in [
-        ("Handles", "factor", "the factor is another solver's (\"feature-aware\")"),
-        ("FeatureWarp", "pins", "the factor is another solver's"),
+    for (name, port, source, message) in [
+        ("Handles", "factor", "factor", "the factor is another solver's (\"feature-aware\")"),
+        ("FeatureWarp", "factor", "pins", "the factor is another solver's (\"handles\")"),
+        ("Detail", "sets", "pins", "the factor is another solver's (\"handles\")"),
     ] {
         let node_type = node_types().find(|node_type| &*node_type.name == name).expect("it is in the list");
-        let outcome = stage.run(&engine, &Subject::new(node_type, Which::Plain).connected("factor", source));
+        let outcome = stage.run(&engine, &Subject::new(node_type, Which::Plain).connected(port, source));
         let [fault] = &outcome.report.faults[..] else { panic!("one fault: {:#?}", outcome.report.faults) };
         assert_eq!((fault.code, &*fault.message), (Code::Refused, message), "{name}");
-        assert_eq!((fault.node.as_deref(), fault.parameter.as_deref()), (Some("it"), Some("factor")), "{name}");
+        assert!(fault.hint.as_deref().is_some_and(|hint| hint.starts_with("connect a ")), "{name}");
+        assert_eq!((fault.node.as_deref(), fault.parameter.as_deref()), (Some("it"), Some(port)), "{name}");
     }
 }

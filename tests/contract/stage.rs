@@ -35,7 +35,7 @@ pub fn sources(kind: Kind) -> &'static [&'static str] {
         Kind::Warp => {
             &["warp", "turned", "finely", "given.backward", "given.wild", "given.far", "given.collapsed", "plain.far"]
         }
-        Kind::Factor => &["factor", "stiff", "pins", "fine_pins"],
+        Kind::Factor => &["factor", "stiff", "pins", "fine_pins", "sets", "plain_sets"],
         Kind::Points => &["given.points", "plain.points"],
         Kind::Mesh => &["given.mesh", "plain.mesh", "ball", "given.bare", "given.ragged"],
         Kind::Number => &["given.number", "plain.number"],
@@ -48,6 +48,7 @@ pub fn sources(kind: Kind) -> &'static [&'static str] {
 fn usual(node_type: &NodeType, kind: Kind) -> &'static str {
     match (kind, &*node_type.name) {
         (Kind::Factor, "Handles") => "pins",
+        (Kind::Factor, "Detail") => "sets",
         _ => sources(kind)[0],
     }
 }
@@ -136,6 +137,8 @@ impl Subject {
     "stiff": FeatureFactor(grid: "grid", features: "given.labels", weight: 100.0),
     "pins": HandleFactor(grid: "grid"),
     "fine_pins": HandleFactor(grid: "fine"),
+    "sets": SimilarSets(image: "given.image"),
+    "plain_sets": SimilarSets(image: "plain.image"),
     "ball": Sphere(segments: 12, rings: 6),
     "it": {}({}),
 }})"#,

@@ -1,9 +1,10 @@
 //! Draws a raw picture through a raw map on one thread, times it and writes the result.
 //!
 //! Usage: resample PICTURE WIDTH HEIGHT PLANES MAP COLUMNS ROWS ORIGIN SPACING forward|backward FILTER REPEATS OUT
+//!        [OUT_WIDTH OUT_HEIGHT]
 //!
-//! PICTURE: planes of f32; MAP: all x, then all y, f64, of a lattice from (ORIGIN, ORIGIN) on; OUT: as PICTURE, same
-//! size. All little-endian, row by row. Prints the processor seconds of each repeat.
+//! PICTURE: planes of f32; MAP: all x, then all y, f64, of a lattice from (ORIGIN, ORIGIN) on; OUT: as PICTURE, of
+//! its size if no other is given. All little-endian, row by row. Prints the processor seconds of each repeat.
 
 use rustix::time::{ClockId, clock_gettime};
 use warploom_algo::UNWATCHED;
@@ -37,20 +38,24 @@ fn main() {
         "cubic" => Filter::Cubic,
         "mitchell" => Filter::Mitchell,
         "lanczos3" => Filter::Lanczos3,
+        "ewa" => Filter::Ewa,
         other => panic!("{other}: no such filter"),
     };
     let sampling = Sampling { filter, edge: Edge::Transparent, clamp_ringing: false };
     let window = Rect::new(0, 0, width as i64, height as i64);
     let views: Vec<_> = picture.chunks(width * height).map(|plane| View::packed(plane, width, height)).collect();
+    let [out_width, out_height] = if arguments.len() > 13 { [whole(13), whole(14)] } else { [width, height] };
+    let out_window = Rect::new(0, 0, out_width as i64, out_height as i64);
     // Planes start at a cache line, as those of pictures do.
-    let mut room = vec![1.0_f32; width * height * planes + LINE];
+    let mut room = vec![1.0_f32; out_width * out_height * planes + LINE];
     let start = room.as_ptr().align_offset(LINE * size_of::<f32>());
-    let out = &mut room[start..start + width * height * planes];
+    let out = &mut room[start..start + out_width * out_height * planes];
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a pool");
     for _ in 0..whole(11) {
-        let outs = out.chunks_mut(width * height).map(|plane| ViewMut::packed(plane, width, height)).collect();
+        let planes = out.chunks_mut(out_width * out_height);
+        let outs = planes.map(|plane| ViewMut::packed(plane, out_width, out_height)).collect();
         let start = processor_seconds();
-        pool.install(|| draw(&map, window, window, &sampling, &views, outs, UNWATCHED)).expect("unwatched");
+        pool.install(|| draw(&map, window, out_window, &sampling, &views, outs, UNWATCHED)).expect("unwatched");
         println!("{}", processor_seconds() - start);
     }
     let bytes: Vec<u8> = out.iter().flat_map(|value| value.to_le_bytes()).collect();

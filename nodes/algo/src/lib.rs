@@ -8,6 +8,7 @@ mod bins;
 pub mod card;
 pub mod components;
 pub mod composite;
+pub mod detail;
 mod dissection;
 pub mod draw;
 pub mod exchange;

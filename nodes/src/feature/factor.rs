@@ -115,7 +115,7 @@ impl Node for FeatureFactor {
         let at_work = watch(cx);
         let system = feature::setup(&system, &at_work).map(|system| (system, start.elapsed()));
         let factor = system.and_then(|(system, setup)| Ok((feature::factor(system, &at_work)?, setup)));
-        let (factor, setup) = factor.map_err(|error| super::refusal(error, at_work))?;
+        let (factor, setup) = factor.map_err(|error| super::refusal(error, &grid, at_work))?;
         let factored = start.elapsed();
 
         let unknowns = factor.unknowns();

@@ -8,9 +8,10 @@ pub use factor::FeatureFactor;
 pub use warp::FeatureWarp;
 
 use warploom_algo::{Interrupted, feature, poisson};
-use warploom_core::node::{ErrorClass, NodeError};
+use warploom_core::node::NodeError;
+use warploom_core::value::Grid;
 
-use crate::adapt::AtWork;
+use crate::adapt::{AtWork, too_large};
 
 /// What a FeatureFactor hands to a FeatureWarp.
 struct Prepared {
@@ -46,7 +47,7 @@ fn listed(labels: &[u32]) -> String {
     }
 }
 
-fn refusal(error: feature::Error, at_work: AtWork) -> NodeError {
+fn refusal(error: feature::Error, grid: &Grid, at_work: AtWork) -> NodeError {
     use poisson::Error as Solver;
     match error {
         feature::Error::NotFinite { column, row } => {
@@ -56,14 +57,14 @@ fn refusal(error: feature::Error, at_work: AtWork) -> NodeError {
         feature::Error::NoPins => NodeError::refused("features cover the whole border, and nothing holds the picture")
             .hint("use boundary: Pin in the factor and on_conflict: NoFold in the warp, or a smaller feature"),
         feature::Error::Poisson(Solver::Interrupted) => at_work.error(Interrupted),
-        feature::Error::Poisson(Solver::TooLarge | Solver::OutOfMemory) => {
-            NodeError::new(ErrorClass::OverBudget, "the lattice is too large for the solver").hint("use larger cells")
-        }
+        feature::Error::Poisson(Solver::TooLarge | Solver::OutOfMemory) => too_large(grid),
         feature::Error::Poisson(Solver::NotPositiveDefinite) => {
             NodeError::refused("the system is not positive definite in double precision").hint("use a smaller weight")
         }
         feature::Error::Poisson(Solver::Inaccurate { residual }) => {
-            NodeError::refused(format!("the solution's relative residual is {residual:e}")).hint("use a smaller weight")
+            let message =
+                format!("in double precision the solution keeps a relative residual of {residual:e}, too large");
+            NodeError::refused(message).hint("use a smaller weight")
         }
     }
 }

@@ -3,6 +3,9 @@
 use serde_json::{Value, json};
 use warploom_algo::feature::FeatureFit;
 use warploom_algo::feature::guard::{Guarded, How, Obstacle};
+use warploom_core::value::Grid;
+
+use crate::adapt::described;
 
 /// What became of a feature.
 pub(super) fn component(fit: &FeatureFit) -> Value {
@@ -19,7 +22,7 @@ pub(super) fn component(fit: &FeatureFit) -> Value {
 }
 
 /// What the guard found and did.
-pub(super) fn guarded(guarded: &Guarded) -> Value {
+pub(super) fn guarded(guarded: &Guarded, grid: &Grid) -> Value {
     let mut report = json!({
         "how": match guarded.how {
             How::Literal => "literal",
@@ -40,13 +43,13 @@ pub(super) fn guarded(guarded: &Guarded) -> Value {
         report["mirrored"] = true.into();
     }
     if !guarded.obstacles.is_empty() {
-        report["obstacles"] = guarded.obstacles.iter().map(obstacle).collect();
+        report["obstacles"] = guarded.obstacles.iter().map(|found| obstacle(found, grid)).collect();
     }
     report
 }
 
 /// Why no warp could do without folds, in words.
-fn obstacle(obstacle: &Obstacle) -> Value {
+fn obstacle(obstacle: &Obstacle, grid: &Grid) -> Value {
     let place = |[column, row]: [usize; 2]| format!("column {column}, row {row}");
     let text = match *obstacle {
         Obstacle::BoundaryCrosses { nodes: [first, second] } => {
@@ -58,7 +61,9 @@ fn obstacle(obstacle: &Obstacle) -> Value {
         Obstacle::CollapsedEdge { nodes: [first, second] } => {
             format!("the nodes at {} and {} are held in one place", place(first), place(second))
         }
-        Obstacle::SinglePrecision => "in single precision the lattice is too fine to be free of folds".into(),
+        Obstacle::SinglePrecision => {
+            format!("in single precision the lattice ({}) is too fine to be free of folds", described(grid))
+        }
     };
     text.into()
 }

@@ -9,7 +9,7 @@ use warploom_core::node::{Context, In, Node, NodeError, Output, Outputs};
 use warploom_core::value::{Direction, Factor, Kind, Value, Warp};
 
 use super::Prepared;
-use crate::adapt::{positions, watch};
+use crate::adapt::{self, check_lattice, positions, watch};
 
 /// Makes a warp keep features in shape while the rest of the picture follows it (Gal, Sorkine, Cohen-Or 2006).
 ///
@@ -55,7 +55,8 @@ pub enum Mode {
 /// What features that are kept exactly do on a border that does not move freely.
 #[derive(Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub enum OnConflict {
-    /// Their nodes on the border stay with it; the others keep the shape.
+    /// Their nodes on the border stay with it; the others keep the shape. Cells that fold all the same are left to the
+    /// guard.
     #[default]
     NoFold,
     /// All their nodes keep the shape, on the border and in the lattice's corners too.
@@ -65,7 +66,8 @@ pub enum OnConflict {
 /// Whether cells may fold.
 #[derive(Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub enum Guard {
-    /// No: a warp that folds is repaired, for certain wherever the one to rectify does not fold.
+    /// No: a warp that folds is repaired, for certain where the one to rectify does not fold and features may bend
+    /// (exact ones may not with `KeepShape`); else `guard.reached` in the stats is false.
     #[default]
     Certified,
     /// Yes; folds are counted.
@@ -100,7 +102,7 @@ pub struct ModeOverride {
 
 /// Bytes per lattice node beside the warp's positions and the solve: fluxes, the result, what is held still, and how
 /// each node may move.
-const BYTES_PER_NODE: u128 = 80;
+const BYTES_PER_NODE: u128 = 104;
 
 impl Node for FeatureWarp {
     const VERSION: u32 = 2;
@@ -109,9 +111,7 @@ impl Node for FeatureWarp {
 
     fn compute(&self, cx: &Context) -> Result<Outputs, NodeError> {
         let (warp, factor) = (cx.get(&self.warp), cx.get(&self.factor));
-        let solver = factor.solver.downcast_ref::<Prepared>();
-        let Prepared { factor: solver, labels } =
-            solver.ok_or_else(|| NodeError::refused("the factor is another solver's").at("factor"))?;
+        let Prepared { factor: solver, labels } = adapt::solver(&factor, "factor", "FeatureFactor")?;
         check_warp(&warp, &factor)?;
         super::check_labels(self.overrides.iter().map(|wish| wish.label), labels)?;
         let overrides: Vec<_> = self.overrides.iter().map(|&wish| feature::Override::from(wish)).collect();
@@ -129,7 +129,7 @@ impl Node for FeatureWarp {
         let at_work = watch(cx);
         let prepared = feature::rhs(solver, &input, &targets, &at_work).map(|rhs| (rhs, start.elapsed()));
         let solved = prepared.and_then(|(rhs, prepared)| Ok((self.solve(&rhs, tolerance, &at_work)?, prepared)));
-        let ((solved, guarded), prepared) = solved.map_err(|error| super::refusal(error, at_work))?;
+        let ((solved, guarded), prepared) = solved.map_err(|error| super::refusal(error, &warp.grid, at_work))?;
         let seconds = start.elapsed();
         let rows = serde_json::Value::Array(solved.features.iter().map(super::report::component).collect());
         let mut outputs = crate::warp::certified(cx, &warp.grid, solved.positions)?;
@@ -139,7 +139,7 @@ impl Node for FeatureWarp {
             .stat("residual", solved.residual)
             .stat("seconds_rhs", prepared.as_secs_f64())
             .stat("seconds_solve", (seconds - prepared).as_secs_f64())
-            .stat("guard", guarded.as_ref().map(super::report::guarded))
+            .stat("guard", guarded.as_ref().map(|guarded| super::report::guarded(guarded, &warp.grid)))
             .stat("conflicts", solved.conflicts)
             .stat("components", rows))
     }
@@ -165,14 +165,11 @@ impl FeatureWarp {
 
 fn check_warp(warp: &Warp, factor: &Factor) -> Result<(), NodeError> {
     if warp.direction != Direction::DstFromSrc {
-        return Err(NodeError::refused("the warp says where pixels come from, not where they go").at("warp"));
+        return Err(NodeError::refused("the warp says where pixels come from, not where they go")
+            .at("warp")
+            .hint("turn it round with Invert(gives: OtherWay)"));
     }
-    if warp.grid != factor.grid {
-        let ([wc, wr], [fc, fr]) = (warp.grid.nodes, factor.grid.nodes);
-        let message = format!("the warp is on another lattice ({wc} x {wr} nodes) than the factor ({fc} x {fr} nodes)");
-        return Err(NodeError::refused(message).at("warp").hint("feed both from one Lattice"));
-    }
-    Ok(())
+    check_lattice(warp, "warp", &factor.grid, "the factor")
 }
 
 impl From<Mode> for feature::Mode {

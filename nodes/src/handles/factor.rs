@@ -33,7 +33,7 @@ impl Node for HandleFactor {
         let start = Instant::now();
         let at_work = watch(cx);
         let factored = handles::factor(&lattice(&grid), &at_work);
-        let factor = factored.map_err(|error| super::refusal(error, at_work))?;
+        let factor = factored.map_err(|error| super::refusal(error, &grid, at_work))?;
         let unknowns = factor.unknowns();
         let value = Factor {
             grid: *grid,

@@ -8,7 +8,7 @@ use warploom_algo::lattice::Lattice;
 use warploom_core::node::{Context, In, Node, NodeError, Output, Outputs};
 use warploom_core::value::Factor;
 
-use crate::adapt::{lattice, watch};
+use crate::adapt::{self, lattice, watch};
 
 /// Drags points and curves of a lattice to new places; the rest follows and keeps its shape as well as it can.
 ///
@@ -82,10 +82,7 @@ impl Node for Handles {
 
     fn compute(&self, cx: &Context) -> Result<Outputs, NodeError> {
         let factor = cx.get(&self.factor);
-        let Some(solver) = factor.solver.downcast_ref::<handles::HandleFactor>() else {
-            let message = format!("the factor is another solver's ({})", factor.summary["solver"]);
-            return Err(NodeError::refused(message).at("factor").hint("connect a HandleFactor"));
-        };
+        let solver: &handles::HandleFactor = adapt::solver(&factor, "factor", "HandleFactor")?;
         let lattice = lattice(&factor.grid);
         let start = Instant::now();
         let dragged = self.dragged(&lattice)?;
@@ -95,8 +92,10 @@ impl Node for Handles {
         };
         let at_work = watch(cx);
         let solved = handles::solve(solver, &dragged.handles, mode, &at_work);
-        let solved =
-            solved.map_err(|error| dragged.blame(&lattice, error).unwrap_or_else(|| super::refusal(error, at_work)))?;
+        let solved = solved.map_err(|error| {
+            let blamed = dragged.blame(&lattice, error);
+            blamed.unwrap_or_else(|| super::refusal(error, &factor.grid, at_work))
+        })?;
         let seconds = start.elapsed();
         Ok(crate::warp::certified(cx, &factor.grid, solved.positions)?
             .stat("unknowns", solver.unknowns())
@@ -167,6 +166,11 @@ impl Dragged {
             Error::Outside { index } => {
                 let (parameter, name) = self.item(index);
                 Some(outside(lattice, parameter, &format!("{name}.from"), self.handles[index].from))
+            }
+            Error::NotFinite { index } => {
+                let ((parameter, name), [x, y]) = (self.item(index), self.handles[index].to);
+                let message = format!("{name} goes to ({x}, {y}), which is not finite");
+                Some(NodeError::refused(message).at(parameter).hint("give it a finite target"))
             }
             Error::Contradiction { first, second } => {
                 let ((_, one), (parameter, other)) = (self.item(first), self.item(second));

@@ -13,7 +13,7 @@ use warploom_core::value::{
     Windows,
 };
 
-use crate::adapt::{lattice, positions, view, view_mut, watched};
+use crate::adapt::{FARTHEST, lattice, positions, view, view_mut, watched, window};
 
 /// Draws a picture, mask, field or label map through a warp.
 ///
@@ -59,6 +59,10 @@ pub enum Filter {
     Mitchell,
     /// Windowed sinc between thirty-six pixels, sharp; rings beside bright pixels.
     Lanczos3,
+    /// As the cubic where the warp does not shrink; elsewhere the mean over the ellipse that a new pixel covers in the
+    /// old picture, weighted, so that fine detail does not alias. The ellipse's minor axis is never shorter than a
+    /// pixel, nor than a sixteenth of its major axis; past a shrink of 4 a halved picture is drawn from.
+    Ewa,
 }
 
 /// What lies outside the data window.
@@ -77,9 +81,6 @@ pub enum Edge {
 
 /// Bytes per label while the labels of a map are counted and described anew.
 const BYTES_PER_LABEL: u128 = 160;
-
-/// Farthest pixel from the origin that a warped picture may reach.
-const FAR: i64 = 1 << 24;
 
 impl Node for Resample {
     const VERSION: u32 = 2;
@@ -150,7 +151,7 @@ impl Drawing<'_> {
     fn windows(&self, windows: &Windows) -> Result<Windows, NodeError> {
         let display = windows.display;
         let display = self.node.size.map_or(display, |[w, h]| Rect::at(display.x0, display.y0, w as usize, h as usize));
-        let limit = Window { x0: -FAR, y0: -FAR, x1: FAR, y1: FAR };
+        let limit = Window { x0: -FARTHEST, y0: -FARTHEST, x1: FARTHEST, y1: FARTHEST };
         let bounds = watched(self.cx, |watch| resample::bounds(&self.map(), window(&windows.data), limit, watch))?;
         let bounds = bounds.map(rect);
         // What lies out of reach may be empty and yet millions of rows high.
@@ -159,7 +160,7 @@ impl Drawing<'_> {
         let endless = self.node.edge != Edge::Transparent;
         Ok(match bounds {
             Some(bounds) if self.node.fit && bounds.is_empty() && !windows.data.is_empty() => {
-                let message = format!("nothing to fit to: no pixel within {FAR} px of the origin is covered");
+                let message = format!("nothing to fit to: no pixel within {FARTHEST} px of the origin is covered");
                 return Err(NodeError::refused(message).at("fit").hint("look at the warp, or give a size"));
             }
             Some(bounds) if self.node.fit => Windows { display: bounds, data: bounds, ..*windows },
@@ -179,6 +180,7 @@ impl Drawing<'_> {
             Filter::Cubic => Kernel::Cubic,
             Filter::Mitchell => Kernel::Mitchell,
             Filter::Lanczos3 => Kernel::Lanczos3,
+            Filter::Ewa => Kernel::Ewa,
         };
         let sampling = Sampling { filter, edge: self.border(), clamp_ringing: self.node.clamp_ringing };
         let mut out = self.cx.planes(planes.len(), to.width(), to.height())?;
@@ -256,10 +258,6 @@ impl Drawing<'_> {
 
 fn views_mut<T: Sample>(planes: &mut [BufferMut<T>]) -> Vec<warploom_algo::view::ViewMut<'_, T>> {
     planes.iter_mut().map(view_mut).collect()
-}
-
-fn window(rect: &Rect) -> Window {
-    Window { x0: rect.x0.into(), y0: rect.y0.into(), x1: rect.x1.into(), y1: rect.y1.into() }
 }
 
 fn rect(window: Window) -> Rect {

@@ -7,8 +7,8 @@ use warploom_core::node::{Context, Domain, ErrorClass, In, Node, NodeError, Outp
 use warploom_core::value::{Buffer, Direction, Grid, Image, Layer, Plane, SampleType};
 
 use super::codec::{self, Encoding, NodeHost};
-use super::warp_file::{Channels, Choices, Preset, window};
-use crate::adapt::{view, watch};
+use super::warp_file::{Channels, Choices, Preset};
+use crate::adapt::{view, watch, window};
 
 /// Reads a warp from an EXR of floats that says for each pixel where it comes from: an ST map, UV map or displacement.
 ///
@@ -154,7 +154,7 @@ impl LoadWarp {
         match layer.channel(name).map(|channel| &channel.plane) {
             Some(Plane::F32(plane)) => Ok(Some(plane)),
             Some(Plane::U32(_)) => refused("holds whole numbers (uint), not coverage"),
-            None if self.channels.alpha.is_empty() => Ok(None),
+            None if self.channels.alpha.is_none() => Ok(None),
             None => refused("is not in the layer of the map"),
         }
     }

@@ -7,7 +7,7 @@ mod save;
 mod save_warp;
 mod warp_file;
 #[cfg(test)]
-mod warp_tests;
+pub(crate) mod warp_tests;
 
 pub use load::Load;
 pub use load_warp::LoadWarp;

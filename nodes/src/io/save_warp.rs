@@ -13,8 +13,8 @@ use warploom_core::value::{
 };
 
 use super::codec::{self, Compression, Depth, WriteOptions};
-use super::warp_file::{Channels, Choices, Preset, window};
-use crate::adapt::{lattice, positions, view_mut, watch, watched};
+use super::warp_file::{Channels, Choices, Preset};
+use crate::adapt::{FARTHEST, lattice, positions, view_mut, watch, watched, window};
 
 /// Writes a warp as an EXR of floats that says for each pixel where it comes from: an ST map, UV map or displacement.
 ///
@@ -55,9 +55,6 @@ pub struct SaveWarp {
     /// How the file is compressed, without loss; `Auto` is `Zips`.
     pub compression: Compression,
 }
-
-/// Windows lie within +- this many pixels.
-const FARTHEST: i64 = 1 << 24;
 
 impl Node for SaveWarp {
     const VERSION: u32 = 1;
@@ -140,8 +137,11 @@ impl SaveWarp {
     /// The names of x, y and alpha.
     fn names(&self) -> Result<[&str; 3], NodeError> {
         let names = self.channels.of(self.preset);
-        let refused = |message: String| Err(NodeError::refused(message).at("channels"));
-        if let Some(name) = names.iter().find(|name| name.len() > 255 || name.contains('\0')) {
+        let refused = |message: String| {
+            let hint = "name them: channels: (x: \"..\", y: \"..\", alpha: \"..\")";
+            Err(NodeError::refused(message).at("channels").hint(hint))
+        };
+        if let Some(name) = names.iter().find(|name| name.is_empty() || name.len() > 255 || name.contains('\0')) {
             return refused(format!("names of channels are 1 to 255 bytes long without zeros; {name:?} is not"));
         }
         let [x, y, alpha] = names;
@@ -183,7 +183,7 @@ impl SaveWarp {
             return Ok(());
         }
         let at_work = watch(cx);
-        warp::assert_one_to_one(lattice, positions, &at_work).map_err(|error| match error {
+        warp::refuse_folds(lattice, positions, &at_work).map_err(|error| match error {
             InvertError::Interrupted => at_work.error(Interrupted),
             InvertError::Folded { cell: [column, row], folds } => {
                 let message = format!(

@@ -4,8 +4,6 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use smart_default::SmartDefault;
 use warploom_algo::exchange::{self, Convention};
-use warploom_algo::rect::Rect as Window;
-use warploom_core::value::Rect;
 
 /// Programs that read or write warps as pictures.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -135,29 +133,24 @@ impl Choices {
     }
 }
 
-/// Channels that are named otherwise than by the preset; an empty name leaves the preset's.
+/// Channels that are named otherwise than by the preset.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema, SmartDefault)]
 #[serde(default, deny_unknown_fields)]
 pub struct Channels {
     /// Numbers along x.
-    pub x: String,
+    pub x: Option<String>,
     /// Numbers along y.
-    pub y: String,
+    pub y: Option<String>,
     /// 0 where there is no position.
-    pub alpha: String,
+    pub alpha: Option<String>,
 }
 
 impl Channels {
     /// The names for x, y and alpha.
     pub fn of(&self, preset: Preset) -> [&str; 3] {
         let [x, y, alpha] = preset.channels();
-        [(&self.x, x), (&self.y, y), (&self.alpha, alpha)]
-            .map(|(given, usual)| if given.is_empty() { usual } else { given.as_str() })
+        [(&self.x, x), (&self.y, y), (&self.alpha, alpha)].map(|(given, usual)| given.as_deref().unwrap_or(usual))
     }
-}
-
-pub fn window(rect: &Rect) -> Window {
-    Window { x0: rect.x0.into(), y0: rect.y0.into(), x1: rect.x1.into(), y1: rect.y1.into() }
 }
 
 #[cfg(test)]
@@ -182,7 +175,7 @@ mod tests {
 
     #[test]
     fn names_are_the_presets_where_none_is_given() {
-        let channels = Channels { y: "v".into(), ..Channels::default() };
+        let channels = Channels { y: Some("v".into()), ..Channels::default() };
         assert_eq!(channels.of(Preset::NukeIDistort), ["forward.u", "v", "A"]);
         assert_eq!(channels.of(Preset::BlenderMapUv), ["R", "v", "B"]);
     }

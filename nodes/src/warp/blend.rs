@@ -5,7 +5,7 @@ use warploom_algo::warp;
 use warploom_core::node::{Context, In, Node, NodeError, Output, Outputs};
 use warploom_core::value::Warp;
 
-use crate::adapt::{lattice, positions, watched};
+use crate::adapt::{check_lattice, lattice, positions, watched};
 
 /// Fades a warp in, from the identity or from another warp.
 ///
@@ -31,11 +31,7 @@ impl Node for Blend {
         let (to, from) = (cx.get(&self.warp), cx.get_optional(&self.from));
         if let Some(from) = &from {
             super::assert_alike(&to, from, "from")?;
-            if from.grid != to.grid {
-                let ([fc, fr], [tc, tr]) = (from.grid.nodes, to.grid.nodes);
-                let message = format!("it is on another lattice ({fc} x {fr} nodes) than the warp ({tc} x {tr} nodes)");
-                return Err(NodeError::refused(message).at("from").hint("feed both from one Lattice"));
-            }
+            check_lattice(from, "from", &to.grid, "the warp")?;
         }
         cx.reserve(to.grid.node_count() as u128 * size_of::<[f64; 2]>() as u128)?;
         let start = from.map(|from| positions(cx, &from)).transpose()?;

@@ -2,64 +2,40 @@
 
 mod affine;
 mod arc;
-mod arc_lower;
-mod arc_upper;
-mod arch;
+mod bends;
 mod bezier_envelope;
 mod blend;
-mod bulge;
 mod compose;
-mod fish;
-mod fisheye;
-mod flag;
 mod free_lattice;
-mod inflate;
 mod invert;
 mod lens;
 mod perspective;
 mod ripple;
-mod rise;
-mod shell_lower;
-mod shell_upper;
-mod squeeze;
 mod stretch;
 mod swirl;
 mod turbulence;
-mod twist;
 mod wave;
 
 pub use affine::Affine;
 pub use arc::Arc;
-pub use arc_lower::ArcLower;
-pub use arc_upper::ArcUpper;
-pub use arch::Arch;
+pub use bends::{
+    ArcLower, ArcUpper, Arch, Bulge, Fish, Fisheye, Flag, Inflate, Rise, ShellLower, ShellUpper, Squeeze, Twist,
+};
 pub use bezier_envelope::BezierEnvelope;
 pub use blend::Blend;
-pub use bulge::Bulge;
 pub use compose::Compose;
-pub use fish::Fish;
-pub use fisheye::Fisheye;
-pub use flag::Flag;
 pub use free_lattice::{FreeLattice, Given};
-pub use inflate::Inflate;
 pub use invert::{Gives, Invert};
 pub use lens::Lens;
 pub use perspective::Perspective;
 pub use ripple::Ripple;
-pub use rise::Rise;
-pub use shell_lower::ShellLower;
-pub use shell_upper::ShellUpper;
-pub use squeeze::Squeeze;
 pub use stretch::Stretch;
 pub use swirl::Swirl;
 pub use turbulence::Turbulence;
-pub use twist::Twist;
 pub use wave::Wave;
 
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 use warploom_algo::lattice::{Lattice, Positions};
-use warploom_algo::warp::{self, certify};
+use warploom_algo::warp::certify;
 use warploom_algo::{Interrupted, Watch};
 use warploom_core::node::{Context, NodeError, Output, Outputs};
 use warploom_core::value::{Direction, Grid, Kind, Warp};
@@ -116,23 +92,4 @@ fn assert_alike(first: &Warp, second: &Warp, port: &'static str) -> Result<(), N
     }
     let message = format!("it says {}, the other warp {}", says(second), says(first));
     Err(NodeError::refused(message).at(port).hint("turn one of them round with Invert(gives: OtherWay)"))
-}
-
-/// Along which axis a bent warp lies.
-#[derive(Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub enum Orientation {
-    /// As described.
-    #[default]
-    Horizontal,
-    /// With the axes exchanged: what was up is left, what was down is right.
-    Vertical,
-}
-
-impl From<Orientation> for warp::Orientation {
-    fn from(orientation: Orientation) -> Self {
-        match orientation {
-            Orientation::Horizontal => Self::Horizontal,
-            Orientation::Vertical => Self::Vertical,
-        }
-    }
 }

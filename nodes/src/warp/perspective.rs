@@ -6,7 +6,7 @@ use warploom_algo::warp::{self, PerspectiveError};
 use warploom_core::node::{Context, In, Node, NodeError, Output, Outputs};
 use warploom_core::value::Grid;
 
-use crate::adapt::watch;
+use crate::adapt::{described, watch};
 
 /// Pins the four corners of a rectangle elsewhere, in perspective: straight lines stay straight.
 #[derive(Serialize, Deserialize, JsonSchema, SmartDefault)]
@@ -30,6 +30,9 @@ pub struct Perspective {
     #[schemars(extend("x-unit" = "px"))]
     pub rectangle: Option<[f64; 4]>,
 }
+
+/// The corners as a graph names them, clockwise.
+const CORNERS: [&str; 4] = ["top_left", "top_right", "bottom_right", "bottom_left"];
 
 impl Node for Perspective {
     const VERSION: u32 = 1;
@@ -56,11 +59,27 @@ impl Node for Perspective {
         let pinned = warp::perspective(&lattice, [[left, top], [right, bottom]], moves, &at_work);
         let positions = pinned.map_err(|error| match error {
             PerspectiveError::Interrupted => at_work.error(Interrupted),
-            PerspectiveError::Degenerate => NodeError::refused("three of the corners lie on one line")
-                .hint("put the corners so that they span a convex quadrangle"),
+            PerspectiveError::Degenerate { corner } => {
+                let [one, two, three] = [corner + 3, corner, corner + 1].map(|corner| {
+                    let ([x, y], [dx, dy]) = (rest[corner % 4], moves[corner % 4]);
+                    format!("{} ({}, {})", CORNERS[corner % 4], x + dx, y + dy)
+                });
+                NodeError::refused(format!("three corners lie on one line: {one}, {two} and {three}"))
+                    .hint("put the corners so that they span a convex quadrangle")
+            }
+            PerspectiveError::Overflow => {
+                let far = moves.as_flattened().iter().fold(0.0, |far: f64, by| far.max(by.abs()));
+                NodeError::refused(format!("a corner goes {far:e} px away, and positions overflow"))
+                    .hint("put the corners nearer")
+            }
             PerspectiveError::Horizon { at: [x, y] } => {
-                let message = format!("the horizon runs through the lattice at ({x:.1}, {y:.1}) px");
+                let message = format!("the horizon runs through the lattice or the rectangle at ({x:.1}, {y:.1}) px");
                 NodeError::refused(message).hint("make the quadrangle convex and its sides less convergent")
+            }
+            PerspectiveError::Beyond => {
+                NodeError::refused(format!("the whole lattice ({}) lies beyond the horizon", described(&grid)))
+                    .at("grid")
+                    .hint("make the sides of the quadrangle less convergent, or warp a lattice nearer to it")
             }
         })?;
         super::certified(cx, &grid, positions)

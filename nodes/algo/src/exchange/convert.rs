@@ -28,7 +28,7 @@ pub struct Encoded {
 /// - `map`: what the numbers mean.
 /// - `window`: the map's pixels, not empty.
 /// - `positions`: one per pixel, px, row-major; afterwards those that a reader will find, NaN where there is none.
-/// - `x`, `y`, `alpha`: planes of the window's size; every sample is written.
+/// - `x`, `y`, `alpha`: planes of the window's size (asserted); every sample is written.
 ///
 /// Cost: linear in the pixels, bands of rows side by side. Stops when `watch` says so.
 pub fn encode(
@@ -42,6 +42,8 @@ pub fn encode(
     assert!(!window.is_empty(), "a map has pixels");
     let count = width * height;
     assert!(positions.x.len() == count && positions.y.len() == count, "one position per pixel, {count}");
+    let of_the_window = |plane: &ViewMut<f32>| (plane.width(), plane.height()) == (width, height);
+    assert!([&x, &y, &alpha].into_iter().all(of_the_window), "planes of {width} x {height} px");
     let steps = Steps::new(watch, height.div_ceil(BAND));
     let planes = x.bands(BAND).into_par_iter().zip(y.bands(BAND)).zip(alpha.bands(BAND));
     let chunks = positions.x.par_chunks_mut(width * BAND).zip(positions.y.par_chunks_mut(width * BAND));
@@ -125,7 +127,7 @@ impl From<Interrupted> for DecodeError {
 ///
 /// - `map`: what the numbers mean.
 /// - `window`: the map's pixels, not empty.
-/// - `x`, `y`, `alpha`: planes of the window's size; without alpha every pixel has a position.
+/// - `x`, `y`, `alpha`: planes of the window's size (asserted); without alpha every pixel has a position.
 ///
 /// Cost: linear in the pixels, bands of rows side by side. Asks `watch` for 16 bytes per node, and stops when it says
 /// so.

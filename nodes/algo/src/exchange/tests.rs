@@ -115,6 +115,8 @@ fn what_comes_from_nowhere_lies_outside() {
         let map = same_format(convention, format);
         assert_eq!(map.numbers([103.5, 51.5], map.nowhere()), [-1.0, -1.0], "{convention:?}");
     }
+    let whole = same_format(Convention { centers: Centers::Whole, ..Convention::OIIO_ST_WARP }, format);
+    assert_eq!(whole.numbers([103.5, 51.5], whole.nowhere()), [-8.5 / 7.0, -4.5 / 3.0]);
     for convention in CONVENTIONS {
         let map = same_format(convention, format);
         let position = map.position([103.5, 51.5], map.numbers([103.5, 51.5], map.nowhere()));
@@ -173,7 +175,7 @@ fn positions_come_back_within_a_thousandth_of_a_pixel() {
     }
 }
 
-/// A number that looks random, in -1..2 and not tiny.
+/// A number that looks random, in -1..2 and not tiny: a tiny one may come back as its neighbour.
 fn number(i: usize) -> f32 {
     let bits = (i as u32 + 1).wrapping_mul(0x9E37_79B1).rotate_left(11).wrapping_mul(0x85EB_CA77);
     let number = (bits >> 8) as f32 / (1 << 24) as f32 * 3.0 - 1.0;
@@ -199,6 +201,39 @@ fn what_was_read_is_written_bit_for_bit() {
             assert_eq!(read, written, "{convention:?}, pixel {i}");
         }
     }
+}
+
+#[test]
+fn tiny_numbers_come_back_to_the_same_positions() {
+    let window = Rect::new(-30, -20, 4126, 2);
+    let count = window.width() * window.height();
+    // From 1e-2 to 1e-30, as small as offsets get and as near to a format's edge.
+    let tiny = |i: usize| number(i) * libm::powf(10.0, -2.0 - 28.0 * (i % 97) as f32 / 97.0);
+    let planes = Planes {
+        x: (0..count).map(tiny).collect(),
+        y: (0..count).map(|i| tiny(i + count)).collect(),
+        alpha: vec![0.25; count],
+    };
+    for convention in CONVENTIONS {
+        let map = same_format(convention, Rect::new(0, 0, 4096, 2160));
+        let back = decoded(&map, window, &planes).expect("it is sound");
+        let (again, stored, found) = encoded(&map, window, &back.positions);
+        assert!(again.alpha.iter().all(|alpha| *alpha == 1.0));
+        let pairs = back.positions.x.iter().zip(&stored.x).chain(back.positions.y.iter().zip(&stored.y));
+        let worst = pairs.map(|(read, written)| (read - written).abs()).fold(0.0, f64::max);
+        assert!(worst <= 1e-11, "{convention:?}: {worst}");
+        assert_eq!(worst, found.rounding, "{convention:?}");
+    }
+}
+
+#[test]
+#[should_panic(expected = "planes of 4 x 2 px")]
+fn planes_of_another_size_than_the_window_are_refused() {
+    let window = Rect::new(0, 0, 4, 2);
+    let mut positions = positions_of(window, |p| p);
+    let [mut x, mut y, mut alpha] = [0; 3].map(|_| vec![0.0; 8]);
+    let planes = [ViewMut::packed(&mut x, 4, 2), ViewMut::packed(&mut y, 2, 4), ViewMut::packed(&mut alpha, 4, 2)];
+    let _ = encode(&same_format(Convention::NUKE_ST_MAP, window), window, &mut positions, planes, UNWATCHED);
 }
 
 #[test]

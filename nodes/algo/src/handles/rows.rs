@@ -3,7 +3,8 @@
 use super::{Error, Handle};
 use crate::lattice::Lattice;
 
-/// Handles nearer to each other than this share of a cell lie on one place; so much may one lie outside the lattice.
+/// Handles nearer to each other than this share of a cell lie on one place; as a share of the lattice, so much may one
+/// lie outside.
 const SAME_PLACE: f64 = 1e-9;
 
 /// Targets nearer to each other than this share of the lattice's size are one.

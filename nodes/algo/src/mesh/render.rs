@@ -48,7 +48,7 @@ pub struct Look {
 /// lies behind it even where the texture is transparent. Of two triangles at one depth the first counts. NaN in texture
 /// coordinates and samples gives NaN where it is seen.
 ///
-/// Scratch: a third of the texture, 24 bytes per vertex, 8 per triangle and 4 per triangle and tile of 16 x 16 pixels that
+/// Scratch: a third of the texture (planes that are the same samples in memory count once), 24 bytes per vertex, 8 per triangle and 4 per triangle and tile of 16 x 16 pixels that
 /// it may touch.
 ///
 /// Cost: linear in the texture's samples and the vertices; per triangle, in the samples of the pixels of its box.
@@ -141,8 +141,16 @@ impl Scene<'_> {
         band: &mut [ViewMut<f32>; 4],
         watch: Watch,
     ) -> Result<(), Interrupted> {
+        let triangles = bins.of(row * self.screen.tiles()[0] + column);
+        let columns = column * TILE..((column + 1) * TILE).min(self.screen.size[0]);
+        if triangles.is_empty() {
+            for plane in band {
+                (0..plane.height()).for_each(|y| plane.row_mut(y)[columns.clone()].fill(0.0));
+            }
+            return Ok(());
+        }
         tile.begin(column, row);
-        for triangles in bins.of(row * self.screen.tiles()[0] + column).chunks(PORTION) {
+        for triangles in triangles.chunks(PORTION) {
             watch.go_on()?;
             for &number in triangles {
                 if let Some(edges) = self.edges(number as usize) {
@@ -151,7 +159,7 @@ impl Scene<'_> {
             }
         }
         for y in 0..band[0].height() {
-            for x in column * TILE..((column + 1) * TILE).min(self.screen.size[0]) {
+            for x in columns.clone() {
                 let color = self.pixel(tile.seen(x, row * TILE + y), tile.middle(x, row * TILE + y), pattern);
                 band.iter_mut().zip(color).for_each(|(plane, sample)| plane.row_mut(y)[x] = sample);
             }

@@ -1,4 +1,5 @@
 use std::collections::HashMap;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use super::*;
 use crate::UNWATCHED;
@@ -371,6 +372,53 @@ fn textures_of_any_size_keep_their_mean() {
         let smallest = pyramid.expect("nobody interrupts").smallest();
         assert!((smallest.unwrap_or(mean) - mean).abs() < 1e-5, "{width} x {height}: {smallest:?} for {mean}");
     }
+}
+
+/// The grey picture of a node is one plane three times over.
+#[test]
+fn planes_that_are_one_are_reduced_once() {
+    struct Asked(AtomicUsize);
+    impl crate::Watcher for Asked {
+        fn progress(&self, _: f64) -> Result<(), crate::Interrupted> {
+            Ok(())
+        }
+        fn go_on(&self) -> Result<(), crate::Interrupted> {
+            Ok(())
+        }
+        fn reserve(&self, bytes: usize) -> Result<(), crate::Interrupted> {
+            self.0.fetch_add(bytes, Ordering::Relaxed);
+            Ok(())
+        }
+    }
+    fn planes(samples: [&[f32]; 4]) -> [Option<View<'_, f32>>; 4] {
+        samples.map(|samples| Some(View::packed(samples, 8, 6)))
+    }
+    let grey: Vec<f32> = (0..8 * 6).map(|i| ((i * 7) % 5) as f32).collect();
+    let (copy, alpha) = (grey.clone(), vec![0.5; 8 * 6]);
+    let (one, two) = ([&*grey, &grey, &grey, &alpha], [&*grey, &copy, &grey, &alpha]);
+    let asked = |samples: [&[f32]; 4]| {
+        let asked = Asked(AtomicUsize::new(0));
+        texture::Pyramid::new(&planes(samples), [8, 6], &asked).expect("nobody interrupts");
+        asked.0.into_inner()
+    };
+    // 4 x 3, 2 x 1 and 1 x 1 samples of 4 bytes.
+    assert_eq!((asked(one), asked(two)), (2 * 15 * 4, 3 * 15 * 4));
+    let drawn = |samples| picture(wall(0.0).surface(), planes(samples), &square_on(), [3, 2]);
+    let (one, two) = (drawn(one), drawn(two));
+    assert_eq!(one, two);
+    assert!(one[0] == one[1] && one[0] == one[2] && one[0] != one[3]);
+}
+
+/// Most tiles see no triangle.
+#[test]
+fn what_is_empty_is_written_everywhere() {
+    let mut mesh = wall(0.0);
+    mesh.positions.iter_mut().for_each(|[x, y, _]| (*x, *y) = (0.05 * *x + 0.5, 0.05 * *y + 0.5));
+    let [r, .., a] = white(mesh.surface(), &square_on(), [200, 100]);
+    let covered = a.iter().zip(0..).filter(|(alpha, _)| **alpha > 0.0).map(|(_, at)| [at % 200, at / 200]);
+    let inside = covered.filter(|[x, y]| (122..128).contains(x) && (22..28).contains(y)).count();
+    assert_eq!(inside, a.iter().filter(|alpha| **alpha > 0.0).count());
+    assert!(inside > 0 && r == a && a.iter().all(|alpha| (0.0..=1.0).contains(alpha)));
 }
 
 #[test]

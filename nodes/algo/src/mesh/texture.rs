@@ -25,41 +25,64 @@ type Planes<'a> = [Option<View<'a, f32>>; 4];
 /// A picture at half the size, a quarter, and so on down to a pixel.
 pub(super) struct Pyramid {
     levels: Vec<Level>,
+    /// Which of a level's planes each of R, G, B, A is; a grey picture's colours are one.
+    plane_of: [Option<usize>; 4],
 }
 
 struct Level {
     size: [usize; 2],
-    planes: [Option<Vec<f32>>; 4],
+    planes: Vec<Vec<f32>>,
 }
 
 impl Pyramid {
     /// Each level halves the sides of the one before, rounded down; a pixel is the mean of the area it covers there.
     pub(super) fn new(planes: &Planes, size: [usize; 2], watch: Watch) -> Result<Self, Interrupted> {
+        let mut distinct: Vec<View<f32>> = Vec::new();
+        let plane_of = planes.map(|plane| {
+            let plane = plane?;
+            let known = distinct.iter().position(|other| is_same(other, &plane));
+            if known.is_none() {
+                distinct.push(plane);
+            }
+            Some(known.unwrap_or(distinct.len() - 1))
+        });
         let halves = |size: &[usize; 2]| (*size != [1, 1]).then(|| size.map(|side| (side / 2).max(1)));
         let sizes = || std::iter::successors(halves(&size), halves);
         let samples: usize = sizes().map(|[width, height]| width * height).sum();
-        watch.reserve(samples * planes.iter().flatten().count() * size_of::<f32>())?;
+        watch.reserve(samples * distinct.len() * size_of::<f32>())?;
         let mut levels: Vec<Level> = Vec::new();
         for to in sizes() {
             watch.go_on()?;
-            let finer = levels.last().map_or(*planes, Level::views);
-            levels.push(Level { size: to, planes: finer.map(|plane| plane.map(|plane| reduced(plane, to))) });
+            let finer = levels.last().map_or_else(|| distinct.clone(), |level| level.views().collect());
+            levels.push(Level { size: to, planes: finer.into_iter().map(|plane| reduced(plane, to)).collect() });
         }
-        Ok(Self { levels })
+        Ok(Self { levels, plane_of })
+    }
+
+    fn views(&self) -> impl Iterator<Item = Planes<'_>> {
+        self.levels.iter().map(|level| self.plane_of.map(|plane| plane.map(|plane| level.view(plane))))
     }
 
     /// The red of the last level.
     #[cfg(test)]
     pub(super) fn smallest(&self) -> Option<f32> {
-        self.levels.last().and_then(|level| level.planes[0].as_ref()).map(|plane| plane[0])
+        self.levels.last().map(|level| level.planes[0][0])
     }
 }
 
 impl Level {
-    fn views(&self) -> Planes<'_> {
-        let [width, height] = self.size;
-        self.planes.each_ref().map(|plane| plane.as_ref().map(|samples| View::packed(samples, width, height)))
+    fn view(&self, plane: usize) -> View<'_, f32> {
+        View::packed(&self.planes[plane], self.size[0], self.size[1])
     }
+
+    fn views(&self) -> impl Iterator<Item = View<'_, f32>> {
+        (0..self.planes.len()).map(|plane| self.view(plane))
+    }
+}
+
+/// Whether two planes of one size are the same samples in memory.
+fn is_same(a: &View<f32>, b: &View<f32>) -> bool {
+    [0, a.height() - 1].into_iter().all(|y| std::ptr::eq(a.row(y), b.row(y)))
 }
 
 /// For each of `to` pixels along a side, the first of `from` that it covers, and the share of each of up to three.
@@ -102,7 +125,7 @@ pub(super) struct Texture<'a> {
 
 impl<'a> Texture<'a> {
     pub(super) fn new(planes: Planes<'a>, size: [usize; 2], pyramid: &'a Pyramid, edges: [Edge; 2]) -> Self {
-        let levels = std::iter::once(planes).chain(pyramid.levels.iter().map(Level::views)).collect();
+        let levels = std::iter::once(planes).chain(pyramid.views()).collect();
         let sizes = std::iter::once(size).chain(pyramid.levels.iter().map(|level| level.size)).collect();
         Self { levels, sizes, edges }
     }

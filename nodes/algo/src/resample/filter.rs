@@ -1,8 +1,5 @@
 //! Filters: how a value is made of the samples around a source position.
 
-use super::locate::Clip;
-use crate::rect::Rect;
-
 /// What a value is made of around a source position.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Filter {
@@ -16,23 +13,21 @@ pub enum Filter {
     Mitchell,
     /// The sinc windowed by its own middle lobe, three times as wide, weights divided by their sum, 6 x 6 pixels.
     Lanczos3,
+    /// Cubic where the map does not shrink; elsewhere the mean over the ellipse that the destination pixel covers in the
+    /// source, weighted by a kernel as wide as the pixel. See [`draw`](super::draw).
+    Ewa,
 }
 
 impl Filter {
     /// How far outside the source window a position gets weight from it, px: 0, 1/2, 3/2, 5/2 (less the resolution,
-    /// since the weight at the very end is zero).
-    fn reach(self) -> f64 {
+    /// since the weight at the very end is zero). That of Ewa depends on the map, see [`Ewa`](super::ewa::Ewa).
+    pub(super) fn reach(self) -> f64 {
         match self {
             Self::Nearest => 0.0,
             Self::Linear => 0.5 - RESOLUTION,
-            Self::Cubic | Self::Mitchell => 1.5 - RESOLUTION,
+            Self::Cubic | Self::Mitchell | Self::Ewa => 1.5 - RESOLUTION,
             Self::Lanczos3 => 2.5 - RESOLUTION,
         }
-    }
-
-    /// The source positions that get weight from `window`.
-    pub(super) fn clip(self, window: &Rect) -> Clip {
-        Clip::grown(window, self.reach())
     }
 }
 

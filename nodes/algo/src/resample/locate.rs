@@ -18,6 +18,8 @@ pub(super) const TILE_WIDTH: usize = 256;
 /// Source positions of a tile's pixel centres, px, row-major; NaN where nothing is drawn.
 #[derive(Debug, Default)]
 pub(super) struct Located {
+    /// The tile's first pixel.
+    pub corner: [i64; 2],
     pub width: usize,
     pub x: Vec<f64>,
     pub y: Vec<f64>,
@@ -32,6 +34,7 @@ impl Located {
         tile: &Rect,
         watch: Watch,
     ) -> Result<(), Interrupted> {
+        self.corner = [tile.x0, tile.y0];
         self.width = tile.width();
         for values in [&mut self.x, &mut self.y] {
             values.resize(tile.width() * tile.height(), f64::NAN);

@@ -2,9 +2,10 @@ use super::*;
 use crate::UNWATCHED;
 use proptest::prelude::*;
 
+mod ewa;
 mod wide;
 
-const FILTERS: [Filter; 4] = [Filter::Nearest, Filter::Linear, Filter::Cubic, Filter::Lanczos3];
+const FILTERS: [Filter; 5] = [Filter::Nearest, Filter::Linear, Filter::Cubic, Filter::Lanczos3, Filter::Ewa];
 const EDGES: [Edge; 4] = [Edge::Transparent, Edge::Clamp, Edge::Mirror, Edge::Wrap];
 
 /// A small generator (Steele's splitmix64): the next number of a sequence.

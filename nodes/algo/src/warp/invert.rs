@@ -76,7 +76,7 @@ pub fn image_lattice(lattice: &Lattice, positions: &Positions) -> Option<Lattice
 ///
 /// The inverse of a bilinear map as in [`crate::resample`].
 pub fn invert(lattice: &Lattice, positions: &Positions, onto: &Lattice, watch: Watch) -> Result<Inverted, InvertError> {
-    assert_one_to_one(lattice, positions, watch)?;
+    refuse_folds(lattice, positions, watch)?;
     watch.reserve((lattice.node_count() + onto.node_count()) * size_of::<[f64; 2]>())?;
     let net = Net::new(lattice, positions);
     let mut found = in_pixels(lattice, positions, onto, 0.5, onto.nodes, watch)?;
@@ -97,7 +97,7 @@ pub fn invert(lattice: &Lattice, positions: &Positions, onto: &Lattice, watch: W
 /// * `lattice`, `positions`: the warp, one position per node (asserted).
 ///
 /// A cell with a position that is not finite is a fold. Cost: linear in the nodes. Stops when `watch` says so.
-pub fn assert_one_to_one(lattice: &Lattice, positions: &Positions, watch: Watch) -> Result<(), InvertError> {
+pub fn refuse_folds(lattice: &Lattice, positions: &Positions, watch: Watch) -> Result<(), InvertError> {
     let found = certify(lattice, positions, watch)?;
     if found.folds == lattice.cells()[0] * lattice.cells()[1] {
         let [columns, rows] = lattice.cells();

@@ -25,7 +25,7 @@ pub use certify::{Certificate, certify};
 pub use compose::{Composed, blend, compose};
 pub use envelope::{Envelope, envelope};
 pub use free_lattice::{control_moves, free_lattice};
-pub use invert::{InvertError, Inverted, assert_one_to_one, image_lattice, invert};
+pub use invert::{InvertError, Inverted, image_lattice, invert, refuse_folds};
 pub use lens::{half_diagonal, lens};
 pub use perspective::{PerspectiveError, perspective};
 pub use ripple::ripple;

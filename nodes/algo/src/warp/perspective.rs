@@ -8,13 +8,20 @@ use crate::{Interrupted, Watch};
 pub enum PerspectiveError {
     /// Told to stop.
     Interrupted,
-    /// Three of the corners lie on a line, or out of reach of double precision.
-    Degenerate,
-    /// The horizon runs through the lattice, there; what lies on it would go infinitely far.
+    /// A corner and its two neighbours go to one line.
+    Degenerate {
+        /// Number of that corner, in the order of the moves.
+        corner: usize,
+    },
+    /// The corners go out of reach of double precision.
+    Overflow,
+    /// The horizon runs through the rectangle or the lattice, there; what lies on it would go infinitely far.
     Horizon {
         /// Where, px.
         at: [f64; 2],
     },
+    /// The whole lattice lies beyond the horizon.
+    Beyond,
 }
 
 impl From<Interrupted> for PerspectiveError {
@@ -43,9 +50,10 @@ impl From<Interrupted> for PerspectiveError {
 ///   lattice's.
 /// * `moves`: of the upper left, upper right, lower right and lower left corner, px; zeros are the identity.
 ///
-/// A concave or folded quadrangle, and a convex one with a lattice that reaches beyond the horizon w = 0, are
-/// [`PerspectiveError::Horizon`]; it is looked for along the border of lattice and rectangle. A mirrored quadrangle
-/// mirrors the lattice; [`super::certify`] reports it.
+/// Three corners on one line, to within 1e-12 of their distances, are [`PerspectiveError::Degenerate`]. A concave or folded
+/// quadrangle, and a convex one with a lattice that reaches beyond the horizon w = 0, are
+/// [`PerspectiveError::Horizon`], a lattice all beyond it [`PerspectiveError::Beyond`]. A mirrored quadrangle mirrors
+/// the lattice; [`super::certify`] reports it.
 ///
 /// Cost: linear in the nodes, rows side by side. Stops when `watch` says so.
 ///
@@ -59,15 +67,13 @@ pub fn perspective(
     let [low, high] = rectangle;
     let size = [high[0] - low[0], high[1] - low[1]];
     assert!(size.iter().all(|side| *side > 0.0), "a rectangle of {size:?} px");
-    let [g, h] = vanishing(size, &moves).ok_or(PerspectiveError::Degenerate)?;
+    let [g, h] = vanishing(size, &moves)?;
     let depth = |[s, t]: [f64; 2]| 1.0 + g * s + h * t;
     let unit = |[x, y]: [f64; 2]| [(x - low[0]) / size[0], (y - low[1]) / size[1]];
     let [width, height] = lattice.size();
     let far = [lattice.origin[0] + width, lattice.origin[1] + height];
     for [low, high] in [rectangle, [lattice.origin, far]] {
-        if let Some(at) = crossing([low, [high[0], low[1]], high, [low[0], high[1]]], |p| depth(unit(p))) {
-            return Err(PerspectiveError::Horizon { at });
-        }
+        assert_in_front([low, [high[0], low[1]], high, [low[0], high[1]]], |p| depth(unit(p)))?;
     }
     Ok(Positions::mapped(lattice, watch, |[x, y]| {
         let [s, t] = unit([x, y]);
@@ -83,26 +89,43 @@ pub fn perspective(
     })?)
 }
 
-/// g and h; none where three corners lie on a line.
-fn vanishing(size: [f64; 2], moves: &[[f64; 2]; 4]) -> Option<[f64; 2]> {
+/// Distance of a corner from a line, over the longer side there, up to which it lies on the line: corners are rounded.
+const STRAIGHT: f64 = 1e-12;
+
+/// g and h.
+fn vanishing(size: [f64; 2], moves: &[[f64; 2]; 4]) -> Result<[f64; 2], PerspectiveError> {
     let cross = |a: [f64; 2], b: [f64; 2]| a[0] * b[1] - a[1] * b[0];
+    let rest = [[size[0], 0.0], [0.0, size[1]], [-size[0], 0.0], [0.0, -size[1]]];
+    // The side that leads from a corner to the next.
+    let side = |i: usize| [0, 1].map(|axis| rest[i % 4][axis] + (moves[(i + 1) % 4][axis] - moves[i % 4][axis]));
+    let length = |[x, y]: [f64; 2]| (x * x + y * y).sqrt();
+    for corner in 0..4 {
+        let (before, after) = (side(corner + 3), side(corner));
+        let longer = length(before).max(length(after));
+        if !(longer * longer).is_finite() {
+            return Err(PerspectiveError::Overflow);
+        }
+        if cross(before, after).abs() <= STRAIGHT * longer * longer {
+            return Err(PerspectiveError::Degenerate { corner });
+        }
+    }
     let sum = [0, 1].map(|axis| moves[0][axis] - moves[1][axis] + moves[2][axis] - moves[3][axis]);
-    let e = [moves[1][0] - moves[2][0], moves[1][1] - moves[2][1] - size[1]];
-    let f = [moves[3][0] - moves[2][0] - size[0], moves[3][1] - moves[2][1]];
+    let (e, f) = (side(1).map(|v| -v), side(2));
     let area = cross(e, f);
     let found = [cross(sum, f) / area, cross(e, sum) / area];
-    (area != 0.0 && found.iter().all(|value| value.is_finite())).then_some(found)
+    if found.iter().all(|value| value.is_finite()) { Ok(found) } else { Err(PerspectiveError::Overflow) }
 }
 
-/// The first point on the way around `corners` where `depth`, affine, is not positive, found from a corner where it is.
-fn crossing(corners: [[f64; 2]; 4], depth: impl Fn([f64; 2]) -> f64) -> Option<[f64; 2]> {
+/// Refuses a rectangle with a corner where `depth`, affine, is not positive.
+fn assert_in_front(corners: [[f64; 2]; 4], depth: impl Fn([f64; 2]) -> f64) -> Result<(), PerspectiveError> {
     let depths = corners.map(&depth);
-    let behind = (0..4).find(|&i| depths[i].is_nan() || depths[i] <= 0.0)?;
-    let in_front = [(behind + 1) % 4, (behind + 3) % 4].into_iter().find(|&i| depths[i] > 0.0);
-    Some(in_front.map_or(corners[behind], |i| {
-        let t = depths[i] / (depths[i] - depths[behind]);
-        [0, 1].map(|axis| corners[i][axis] + t * (corners[behind][axis] - corners[i][axis]))
-    }))
+    let Some(behind) = (0..4).find(|&i| depths[i].is_nan() || depths[i] <= 0.0) else { return Ok(()) };
+    // Along an edge if there is one that crosses the horizon, else along the diagonal.
+    let in_front = [1, 3, 2].into_iter().map(|step| (behind + step) % 4).find(|&i| depths[i] > 0.0);
+    let in_front = in_front.ok_or(PerspectiveError::Beyond)?;
+    let t = depths[in_front] / (depths[in_front] - depths[behind]);
+    let at = [0, 1].map(|axis| corners[in_front][axis] + t * (corners[behind][axis] - corners[in_front][axis]));
+    Err(PerspectiveError::Horizon { at })
 }
 
 #[cfg(test)]
@@ -184,11 +207,47 @@ mod tests {
     }
 
     #[test]
-    fn corners_on_a_line_and_beyond_numbers_are_refused() {
-        let line = [[0.0; 2], [0.0; 2], [-50.0, -30.0], [0.0; 2]];
-        assert_eq!(perspective(&LATTICE, line), Err(PerspectiveError::Degenerate));
+    fn a_lattice_beyond_the_horizon_is_refused() {
+        // w is 1 - t / 2, 0 at y = 140.
+        let narrow = [[25.0, 0.0], [-25.0, 0.0], [0.0; 2], [0.0; 2]];
+        let beyond = Lattice { origin: [10.0, 150.0], ..LATTICE };
+        assert_eq!(super::perspective(&beyond, RECTANGLE, narrow, UNWATCHED), Err(PerspectiveError::Beyond));
+        let diagonal = |[x, y]: [f64; 2]| 3.0 - x - y;
+        let corners = [[1.0, 1.0], [4.0, 1.0], [4.0, 4.0], [1.0, 4.0]];
+        assert_eq!(assert_in_front(corners, diagonal), Err(PerspectiveError::Horizon { at: [2.0, 1.0] }));
+        let corners = [corners[2], corners[3], corners[0], corners[1]];
+        assert_eq!(assert_in_front(corners, diagonal), Err(PerspectiveError::Horizon { at: [1.5, 1.5] }));
+        assert_eq!(assert_in_front(corners, |p| diagonal(p) + 9.0), Ok(()));
+    }
+
+    #[test]
+    fn three_corners_on_a_line_are_refused_whichever_they_are() {
+        let goal = |corners: [[f64; 2]; 4]| {
+            let rest = [[10.0, 20.0], [110.0, 20.0], [110.0, 80.0], [10.0, 80.0]];
+            let moves = [0, 1, 2, 3].map(|i: usize| [corners[i][0] - rest[i][0], corners[i][1] - rest[i][1]]);
+            super::perspective(&LATTICE, RECTANGLE, moves, UNWATCHED)
+        };
+        // A triangle, and a point of one of its sides; decimals, so that nothing is exactly on a line.
+        let corners = [[20.1, 30.3], [90.7, 25.9], [40.3, 78.1]];
+        let between = [0.7 * 20.1 + 0.3 * 40.3, 0.7 * 30.3 + 0.3 * 78.1];
+        for corner in 0..4 {
+            let mut turned = [between, corners[0], corners[1], corners[2]];
+            turned.rotate_right(corner);
+            assert_eq!(goal(turned), Err(PerspectiveError::Degenerate { corner }), "{turned:?}");
+            turned[corner][0] -= 1e-6;
+            assert!(goal(turned).is_ok(), "{turned:?}");
+        }
+        // Two corners in one place.
+        assert_eq!(
+            goal([corners[0], corners[0], corners[1], corners[2]]),
+            Err(PerspectiveError::Degenerate { corner: 0 })
+        );
+    }
+
+    #[test]
+    fn corners_beyond_numbers_are_refused() {
         let huge = [[0.0; 2], [1e300, 0.0], [0.0, -1e300], [0.0; 2]];
-        assert_eq!(perspective(&LATTICE, huge), Err(PerspectiveError::Degenerate));
+        assert_eq!(perspective(&LATTICE, huge), Err(PerspectiveError::Overflow));
     }
 
     #[test]

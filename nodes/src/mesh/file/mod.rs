@@ -31,6 +31,18 @@ fn damaged(place: impl std::fmt::Display, problem: impl std::fmt::Display) -> No
     NodeError::new(ErrorClass::InputUnreadable, format!("{place}: {problem}"))
 }
 
+/// An index that leads nowhere, in a list of `count` things that the format numbers from `first`.
+fn beyond(
+    error: impl Fn(String) -> NodeError,
+    thing: &str,
+    index: impl std::fmt::Display,
+    count: usize,
+    first: u8,
+) -> NodeError {
+    let problem = format!("there is no {thing} {index}; the file has {count}, numbered from {first}");
+    error(problem).hint("export the mesh again")
+}
+
 /// What stands in a file, short enough to be shown.
 fn shown(text: &[u8]) -> String {
     String::from_utf8_lossy(&text[..text.len().min(40)]).into_owned()

@@ -2,7 +2,7 @@
 
 use warploom_core::node::NodeError;
 
-use super::{Corner, Counts, MAX_CORNERS, NONE, PORTION, Soup, damaged, shown};
+use super::{Corner, Counts, MAX_CORNERS, NONE, PORTION, Soup, beyond, damaged, shown};
 use crate::io::codec::Host;
 
 pub fn read(bytes: &[u8], host: &dyn Host) -> Result<Soup, NodeError> {
@@ -117,7 +117,7 @@ fn corner_of(line: &Line, word: &[u8], soup: &Soup, counts: &Counts) -> Result<C
         let number = number.ok_or_else(|| line.damaged(format!("`{}` is not a corner", shown(word))))?;
         let place = if number < 0 { so_far as i64 + number } else { number - 1 };
         if place < 0 || place >= count as i64 {
-            return Err(line.damaged(format!("{name} {number} of {count}")));
+            return Err(beyond(|problem| line.damaged(problem), name, number, count, 1));
         }
         Ok(Some(place as u32))
     };

@@ -5,7 +5,7 @@
 
 use warploom_core::node::NodeError;
 
-use super::{Counts, MAX_CORNERS, NONE, PORTION, Soup, damaged, shown};
+use super::{Counts, MAX_CORNERS, NONE, PORTION, Soup, beyond, damaged, shown};
 use crate::io::codec::Host;
 
 /// Longest header.
@@ -95,7 +95,7 @@ fn face(row: &Row, layout: &Layout, soup: &mut Soup) -> Result<(), NodeError> {
     }
     for (at, (corner, index)) in corners.iter_mut().zip(indices).enumerate() {
         if !(*index >= 0.0 && *index < soup.positions.len() as f64 && index.fract() == 0.0) {
-            return Err(row.damaged(format!("vertex {index} of {}", soup.positions.len())));
+            return Err(beyond(|problem| row.damaged(problem), "vertex", index, soup.positions.len(), 0));
         }
         let vertex = *index as u32;
         let uv = match pairs {

@@ -14,10 +14,8 @@ pub(super) type Corner = [usize; 3];
 pub(super) struct Shape {
     /// Of a cell at rest, px^2.
     pub(super) area: f64,
-    /// Numbers and nodes of the corners with a node that is not pinned.
-    movable: Vec<(u32, [u32; 3])>,
-    /// The corners whose nodes are all pinned.
-    fixed: Vec<Corner>,
+    nodes: [usize; 2],
+    pinned: Vec<bool>,
 }
 
 /// A corner Jacobian along a move: `at_0 + linear t + square t^2`.
@@ -30,31 +28,26 @@ pub(super) struct Quadratic {
 
 impl Shape {
     pub(super) fn new(lattice: &Lattice, freedom: &[Freedom]) -> Self {
-        let area = lattice.spacing[0] * lattice.spacing[1];
-        let pinned = |node: usize| matches!(freedom[node], Freedom::Pinned);
-        let (mut movable, mut fixed) = (Vec::new(), Vec::new());
-        for (number, corner) in corners(lattice.nodes) {
-            if corner.into_iter().all(pinned) {
-                fixed.push(corner);
-            } else {
-                movable.push((number as u32, corner.map(|node| node as u32)));
-            }
-        }
-        Self { area, movable, fixed }
+        let pinned = freedom.iter().map(|freedom| matches!(freedom, Freedom::Pinned)).collect();
+        Self { area: lattice.spacing[0] * lattice.spacing[1], nodes: lattice.nodes, pinned }
+    }
+
+    fn is_fixed(&self, corner: Corner) -> bool {
+        corner.into_iter().all(|node| self.pinned[node])
     }
 
     /// The corners that a move may change, and their numbers.
     pub(super) fn movable(&self) -> impl Iterator<Item = (usize, Corner)> {
-        self.movable.iter().map(|&(number, corner)| (number as usize, corner.map(|node| node as usize)))
+        corners(self.nodes).filter(|&(_, corner)| !self.is_fixed(corner))
     }
 
-    /// The corners that no move changes.
+    /// The corners that no move changes: all their nodes are pinned.
     pub(super) fn fixed(&self) -> impl Iterator<Item = Corner> {
-        self.fixed.iter().copied()
+        corners(self.nodes).map(|(_, corner)| corner).filter(|&corner| self.is_fixed(corner))
     }
 
     pub(super) fn corner_count(&self) -> usize {
-        self.movable.len() + self.fixed.len()
+        4 * (self.nodes[0] - 1) * (self.nodes[1] - 1)
     }
 
     pub(super) fn jacobian(&self, x: &Positions, corner: Corner) -> f64 {

@@ -1,0 +1,79 @@
+use std::sync::Arc;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+use smart_default::SmartDefault;
+use warploom_algo::detail;
+use warploom_core::node::{Context, In, Node, NodeError, Output, Outputs, Reads};
+use warploom_core::value::{Factor, Grid, Hasher, Image, Kind};
+
+use crate::adapt::{view, watched};
+
+/// Prepares a training picture for Detail: for each pixel, others whose surroundings are alike.
+///
+/// This depends on the training picture alone: no change of a warp touches it. It looks at R, G and B, or Y, of the first
+/// layer, premultiplied as they are.
+#[derive(Serialize, Deserialize, JsonSchema, SmartDefault)]
+#[serde(default, deny_unknown_fields)]
+pub struct SimilarSets {
+    /// Picture that shows what detail looks like: the one that is warped, or another.
+    pub image: In<Image>,
+    /// What is compared of its samples and of those that detail is made for.
+    pub encoding: Encoding,
+    /// Levels of its pyramid: how far around a pixel structure is seen.
+    #[default(3)]
+    #[schemars(range(min = 1, max = 8))]
+    pub levels: u32,
+}
+
+/// What is compared of scene-linear samples.
+#[derive(Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub enum Encoding {
+    /// Their sRGB encoding, near to how differences are seen; negatives as an odd function.
+    #[default]
+    Srgb,
+    /// Themselves.
+    Linear,
+}
+
+impl Node for SimilarSets {
+    const VERSION: u32 = 1;
+    const OUTPUTS: &'static [Output] = &[Output::new("sets", Kind::Factor)];
+
+    fn reads(&self, _: &str) -> Reads {
+        Reads::Channels(super::COLOUR.concat().iter().map(|name| name.to_string()).collect())
+    }
+
+    fn compute(&self, cx: &Context) -> Result<Outputs, NodeError> {
+        let image = cx.get(&self.image);
+        let layer = image.primary();
+        let (names, planes) = super::colour(layer)?;
+        let encoding = match self.encoding {
+            Encoding::Srgb => detail::Encoding::Srgb,
+            Encoding::Linear => detail::Encoding::Linear,
+        };
+        let views = planes.map(view);
+        let sets = watched(cx, |watch| detail::similar_sets(&views, encoding, self.levels as usize, watch))?;
+        let grid = Grid {
+            origin: [layer.data.x0.into(), layer.data.y0.into()],
+            spacing: [1.0, 1.0],
+            nodes: [layer.data.width().max(1) + 1, layer.data.height().max(1) + 1],
+            periodic: [false, false],
+        };
+        let mut structure = Hasher::new("similar sets");
+        structure.digest(&grid.digest()).int(self.levels.into()).int(self.encoding as i128);
+        for name in names {
+            structure.digest(&layer.channel(name).expect("it was found").digest());
+        }
+        let [width, height] = sets.size();
+        let value = Factor {
+            grid,
+            structure: structure.finish(),
+            bytes: sets.bytes() as u64,
+            summary: json!({ "kind": "Factor", "solver": "similar-sets", "width": width, "height": height }),
+            solver: Arc::new(sets),
+        };
+        Ok(value.into())
+    }
+}
