@@ -1,7 +1,8 @@
-//! The part of the source that a block of pixels is drawn from, copied with a pixel's channels side by side.
+//! Where a block of pixels finds its samples: in a copy of their part of the source with a pixel's channels side by
+//! side, or in the planes themselves.
 //!
-//! What lies outside the source is filled in, so that weighing meets no edge. Rows of a large picture are often a power
-//! of two apart: those of a footprint then push each other out of the cache; in the copy they lie close together.
+//! In a copy, what lies outside the source is filled in, so that weighing meets no edge. Rows of a large picture are often
+//! a power of two apart: those of a footprint then push each other out of the cache; in the copy they lie close together.
 
 use super::locate::Located;
 use super::sample::Source;
@@ -10,10 +11,10 @@ use std::ops::Range;
 
 /// Most pixel columns of a block.
 pub(super) const BLOCK_WIDTH: usize = 64;
-/// Most source pixels of a part.
-const LARGEST: usize = 1 << 15;
-/// Pixels that are drawn one by one if they lie too far apart.
-const FEW: usize = 64;
+/// Source pixels of a part per pixel drawn up to which a copy pays.
+const SPREAD: usize = 8;
+/// More than a footprint of samples that nobody reads.
+static FAR: [[f32; 1]; 64] = [[0.0]; 64];
 /// Lanes of a search for the least and the greatest.
 const LANES: usize = 8;
 
@@ -22,30 +23,6 @@ const LANES: usize = 8;
 pub(super) struct Pixels {
     pub columns: Range<usize>,
     pub rows: Range<usize>,
-}
-
-impl Pixels {
-    fn count(&self) -> usize {
-        self.columns.len() * self.rows.len()
-    }
-
-    /// In smaller parts: single pixels if there are few, else halves, cut across the longer side.
-    pub fn parts(&self) -> Vec<Self> {
-        if self.count() <= FEW {
-            let (rows, columns) = (self.rows.clone(), self.columns.clone());
-            let single = |row, column| Self { columns: column..column + 1, rows: row..row + 1 };
-            return rows.flat_map(|row| columns.clone().map(move |column| single(row, column))).collect();
-        }
-        let cut = |range: &Range<usize>| {
-            let middle = range.start + range.len() / 2;
-            [range.start..middle, middle..range.end]
-        };
-        if self.columns.len() >= self.rows.len() {
-            cut(&self.columns).map(|columns| Self { columns, ..self.clone() }).into()
-        } else {
-            cut(&self.rows).map(|rows| Self { rows, ..self.clone() }).into()
-        }
-    }
 }
 
 /// A rectangle of source pixels, counted from the window's corner. It may lie outside.
@@ -67,25 +44,31 @@ impl Part {
         }
         let low = low.map(|lanes| lanes.into_iter().fold(f64::INFINITY, f64::min));
         let high = high.map(|lanes| lanes.into_iter().fold(f64::NEG_INFINITY, f64::max));
-        let first = |[x, y]: [f64; 2]| source.first_tap([x, y], taps);
+        let first = |[x, y]: [f64; 2]| source.first_tap([x, y], taps).0;
         (low[0] <= high[0]).then(|| {
             let (corner, last) = (first(low), first(high));
             Self { corner, size: [0, 1].map(|axis| (last[axis] - corner[axis]) as usize + taps) }
         })
     }
 
-    /// Whether a copy of it costs no more than copies of the footprints of all `pixels`: not where a map shrinks much.
-    pub fn suits(&self, pixels: &Pixels, taps: usize) -> bool {
-        let area = self.size[0].saturating_mul(self.size[1]);
-        area <= taps * taps * pixels.count() && area <= LARGEST
+    /// Whether a copy of it pays for drawing `pixels`: not where a map shrinks much or scatters.
+    pub fn is_dense(&self, pixels: &Pixels, taps: usize) -> bool {
+        // Around few pixels most of the part is the footprint's rim.
+        let [width, height] = [pixels.columns.len() + taps, pixels.rows.len() + taps];
+        self.size[0].saturating_mul(self.size[1]) <= SPREAD * width * height
     }
 
-    /// Its columns that lie inside the source.
-    fn inside(&self, source: &Source) -> Range<usize> {
-        let width = self.size[0] as i64;
-        let start = (-i64::from(self.corner[0])).clamp(0, width);
-        let end = (source.window.width() as i64 - i64::from(self.corner[0])).clamp(start, width);
-        start as usize..end as usize
+    /// What of it lies inside the source.
+    pub fn inside(&self, source: &Source) -> Self {
+        let limits = [source.window.width(), source.window.height()].map(|size| size as i64);
+        let range = |axis: usize| {
+            let start = i64::from(self.corner[axis]);
+            let end = (start + self.size[axis] as i64).clamp(0, limits[axis]);
+            start.clamp(0, end)..end
+        };
+        let ranges = [range(0), range(1)];
+        let corner = [ranges[0].start as i32, ranges[1].start as i32];
+        Self { corner, size: ranges.map(|range| (range.end - range.start) as usize) }
     }
 }
 
@@ -105,22 +88,56 @@ fn widen(low: &mut [f64; LANES], high: &mut [f64; LANES], values: &[f64]) {
     }
 }
 
-/// A copy of a part of C planes.
+/// The samples of a part of C planes, a pixel's channels side by side.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Samples<'a, const C: usize> {
+    pub part: Part,
+    pub planes: [View<'a, f32>; C],
+    pixels: &'a [[f32; C]],
+    /// Pixels from a row to the next.
+    pub stride: usize,
+}
+
+impl<'a, const C: usize> Samples<'a, C> {
+    /// From pixel number `first` on.
+    #[inline(always)]
+    pub fn from(&self, first: u32) -> &'a [[f32; C]] {
+        &self.pixels[first as usize..]
+    }
+}
+
+impl<'a> Samples<'a, 1> {
+    /// The plane itself, what of a part lies in it. If that does not hold a footprint, samples far from the part.
+    pub fn of_plane(plane: View<'a, f32>, source: &Source, part: &Part, taps: usize) -> Self {
+        let mut part = part.inside(source);
+        let (samples, stride) = plane.samples();
+        // Pixels have numbers of 32 bits.
+        part.size[1] = part.size[1].min(u32::MAX as usize / stride.max(1));
+        if part.size[0] < taps || part.size[1] < taps {
+            let part = Part { corner: [i32::MIN / 2; 2], size: [taps; 2] };
+            return Self { part, planes: [plane], pixels: &FAR, stride: taps };
+        }
+        let first = part.corner[1] as usize * stride + part.corner[0] as usize;
+        Self { part, planes: [plane], pixels: samples[first..].as_chunks().0, stride }
+    }
+}
+
+/// Room for a copy of a part of C planes.
 #[derive(Debug, Default)]
 pub(super) struct Block<const C: usize> {
     pixels: Vec<[f32; C]>,
-    part: Part,
 }
 
 impl<const C: usize> Block<C> {
     /// Copies a part.
     #[inline(always)]
-    pub fn load(&mut self, source: &Source, planes: &[View<f32>; C], part: Part) {
-        self.part = part;
-        let ([width, height], inside) = (part.size, part.inside(source));
+    pub fn load<'a>(&'a mut self, source: &Source, planes: [View<'a, f32>; C], part: Part) -> Samples<'a, C> {
+        let ([width, height], within) = (part.size, part.inside(source));
         if self.pixels.len() < width * height {
             self.pixels.resize(width * height, [0.0; C]);
         }
+        let start = if within.size[0] > 0 { (within.corner[0] - part.corner[0]) as usize } else { width };
+        let inside = start..start + within.size[0];
         for (y, line) in self.pixels.chunks_exact_mut(width).take(height).enumerate() {
             let Some(row) = source.row(part.corner[1] + y as i32) else {
                 line.fill([0.0; C]);
@@ -132,20 +149,11 @@ impl<const C: usize> Block<C> {
                 line[x] = column.map_or([0.0; C], |column| rows.map(|row| row[column]));
             }
             if !inside.is_empty() {
-                let from = (part.corner[0] + inside.start as i32) as usize;
+                let from = within.corner[0] as usize;
                 interleave(rows.map(|row| &row[from..from + inside.len()]), &mut line[inside.clone()]);
             }
         }
-    }
-
-    /// Pixels from number `first` on, and how many a row is from the next.
-    #[inline(always)]
-    pub fn pixels(&self, first: u32) -> (&[[f32; C]], usize) {
-        (&self.pixels[first as usize..], self.part.size[0])
-    }
-
-    pub fn part(&self) -> &Part {
-        &self.part
+        Samples { part, planes, pixels: &self.pixels, stride: width }
     }
 }
 

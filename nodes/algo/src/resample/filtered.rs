@@ -1,6 +1,6 @@
 //! Filtered values of a tile's pixels, block by block.
 
-use super::block::{BLOCK_WIDTH, Block, Part, Pixels};
+use super::block::{BLOCK_WIDTH, Block, Part, Pixels, Samples};
 use super::filter::Kernel;
 use super::locate::Located;
 use super::sample::Source;
@@ -31,109 +31,119 @@ pub(super) fn filtered<const T: usize, const D: usize>(
     blocks: &mut Blocks,
     out: &mut [ViewMut<f32>],
 ) -> u64 {
+    let mut painter = Painter { kernel, clamp, source, positions, left, taps: Taps::EMPTY };
+    let (width, rows) = (positions.width, 0..positions.height());
     let mut bad = 0;
-    for (planes, out) in planes.chunks(TOGETHER).zip(out.chunks_mut(TOGETHER)) {
-        bad += if let &[plane] = planes {
-            let block = &mut blocks.alone;
-            Painter { kernel, clamp, source, planes: [plane], positions, left, block, out, taps: Taps::EMPTY }.tile()
-        } else {
-            // Where there are fewer, the last one fills up.
-            let planes = std::array::from_fn(|i| planes[i.min(planes.len() - 1)]);
-            let block = &mut blocks.together;
-            Painter { kernel, clamp, source, planes, positions, left, block, out, taps: Taps::EMPTY }.tile()
-        };
+    for start in (0..width).step_by(BLOCK_WIDTH) {
+        let pixels = Pixels { columns: start..width.min(start + BLOCK_WIDTH), rows: rows.clone() };
+        vectorized(
+            #[inline(always)]
+            || bad += painter.block(planes, &pixels, blocks, out),
+        );
     }
+    #[cfg(target_arch = "x86_64")]
+    super::simd::finish_stores();
     bad
 }
 
-struct Painter<'a, 'b, const T: usize, const D: usize, const C: usize> {
+struct Painter<'a, const T: usize, const D: usize> {
     kernel: &'a Kernel<T, D>,
     clamp: bool,
     source: &'a Source,
-    planes: [View<'a, f32>; C],
     positions: &'a Located,
     left: usize,
-    block: &'a mut Block<C>,
-    out: &'a mut [ViewMut<'b, f32>],
     taps: Taps<T>,
 }
 
-impl<const T: usize, const D: usize, const C: usize> Painter<'_, '_, T, D, C> {
-    /// Draws all pixels and returns how many values are not finite.
-    fn tile(mut self) -> u64 {
-        let (width, rows) = (self.positions.width, 0..self.positions.height());
-        let columns = (0..width).step_by(BLOCK_WIDTH).map(|start| start..width.min(start + BLOCK_WIDTH));
-        let bad = columns.map(|columns| self.draw(Pixels { columns, rows: rows.clone() })).sum();
-        #[cfg(target_arch = "x86_64")]
-        super::simd::finish_stores();
+impl<const T: usize, const D: usize> Painter<'_, T, D> {
+    /// Draws a block and returns how many values are not finite.
+    #[inline(always)]
+    fn block(&mut self, planes: &[View<f32>], pixels: &Pixels, blocks: &mut Blocks, out: &mut [ViewMut<f32>]) -> u64 {
+        let Some(part) = Part::of(self.source, self.positions, pixels, T) else {
+            let columns = self.columns(pixels);
+            for out in out {
+                pixels.rows.clone().for_each(|row| out.row_mut(row)[columns.clone()].fill(0.0));
+            }
+            return 0;
+        };
+        let dense = part.is_dense(pixels, T);
+        let mut bad = 0;
+        for (planes, out) in planes.chunks(TOGETHER).zip(out.chunks_mut(TOGETHER)) {
+            if dense && planes.len() > 1 {
+                // Where there are fewer, the last one fills up.
+                let planes = std::array::from_fn(|i| planes[i.min(planes.len() - 1)]);
+                bad += self.rows(&blocks.together.load(self.source, planes, part), pixels, out);
+                continue;
+            }
+            for (&plane, out) in planes.iter().zip(out.chunks_mut(1)) {
+                let samples = if dense && part.inside(self.source) != part {
+                    blocks.alone.load(self.source, [plane], part)
+                } else {
+                    Samples::of_plane(plane, self.source, &part, T)
+                };
+                bad += self.rows(&samples, pixels, out);
+            }
+        }
         bad
     }
 
-    /// Draws some pixels from one block, or in parts from smaller ones.
-    fn draw(&mut self, pixels: Pixels) -> u64 {
-        let mut bad = None;
-        vectorized(
-            #[inline(always)]
-            || bad = self.once(&pixels),
-        );
-        bad.unwrap_or_else(|| pixels.parts().into_iter().map(|part| self.draw(part)).sum())
-    }
-
-    /// Draws some pixels, unless they lie too far apart in the source.
-    #[inline(always)]
-    fn once(&mut self, pixels: &Pixels) -> Option<u64> {
-        let Some(part) = Part::of(self.source, self.positions, pixels, T) else {
-            let columns = self.left + pixels.columns.start..self.left + pixels.columns.end;
-            for out in &mut *self.out {
-                pixels.rows.clone().for_each(|row| out.row_mut(row)[columns.clone()].fill(0.0));
-            }
-            return Some(0);
-        };
-        if !part.suits(pixels, T) {
-            return None;
-        }
-        self.block.load(self.source, &self.planes, part);
-        let mut bad = 0;
-        for row in pixels.rows.clone() {
-            bad += self.row(row, pixels);
-        }
-        Some(bad)
+    /// The columns of `pixels` in the output.
+    fn columns(&self, pixels: &Pixels) -> std::ops::Range<usize> {
+        self.left + pixels.columns.start..self.left + pixels.columns.end
     }
 
     #[inline(always)]
-    fn row(&mut self, row: usize, pixels: &Pixels) -> u64 {
+    fn rows<const C: usize>(&mut self, samples: &Samples<C>, pixels: &Pixels, out: &mut [ViewMut<f32>]) -> u64 {
+        pixels.rows.clone().map(|row| self.row(row, samples, pixels, out)).sum()
+    }
+
+    #[inline(always)]
+    fn row<const C: usize>(
+        &mut self,
+        row: usize,
+        samples: &Samples<C>,
+        pixels: &Pixels,
+        out: &mut [ViewMut<f32>],
+    ) -> u64 {
         let (xs, ys) = self.positions.row(row);
-        let (xs, ys) = (&xs[pixels.columns.clone()], &ys[pixels.columns.clone()]);
-        self.taps.fill(self.kernel, self.source, [xs, ys], self.block.part());
+        let at = [&xs[pixels.columns.clone()], &ys[pixels.columns.clone()]];
+        self.taps.fill(self.kernel, self.clamp, self.source, at, samples);
         let mut values = [[0.0; C]; BLOCK_WIDTH];
-        weigh::sums(self.block, &self.taps, &mut values);
+        weigh::sums(samples, &self.taps, &mut values);
         let wild = weigh::some_not_finite(&values);
         if self.clamp {
-            weigh::clamp(self.block, &self.taps, &mut values);
+            weigh::clamp(samples, &self.taps, &mut values);
         }
-        let bad = if wild || self.taps.some_whole(self.clamp) { self.mend(xs, &mut values) } else { 0 };
-        let count = self.out.len();
+        let bad = if wild | self.taps.some_alone() { self.mend(samples, at, out.len(), &mut values) } else { 0 };
+        let columns = self.columns(pixels);
+        let count = out.len();
         let mut rows: [&mut [f32]; C] = std::array::from_fn(|_| Default::default());
-        let columns = self.left + pixels.columns.start..self.left + pixels.columns.end;
-        for (to, out) in rows.iter_mut().zip(&mut *self.out) {
+        for (to, out) in rows.iter_mut().zip(out) {
             *to = &mut out.row_mut(row)[columns.clone()];
         }
         store(&values, &mut rows[..count]);
         bad
     }
 
-    /// Weighs pixels of a row alone where zero weights matter: at whole positions and where a value is not finite.
-    /// Returns how many values are not finite.
+    /// Weighs pixels of a row alone: those that must be, and those where a value is not finite, since there zero weights
+    /// matter. Returns how many of the first `count` channels' values are not finite.
     #[cold]
-    fn mend(&self, xs: &[f64], values: &mut Values<C>) -> u64 {
+    #[inline(never)]
+    fn mend<const C: usize>(
+        &self,
+        samples: &Samples<C>,
+        [xs, ys]: [&[f64]; 2],
+        count: usize,
+        values: &mut Values<C>,
+    ) -> u64 {
         let mut bad = 0;
         for (i, value) in values.iter_mut().enumerate().take(xs.len()) {
             if xs[i].is_nan() {
                 *value = [0.0; C];
-            } else if self.taps.is_whole(i, self.clamp) || value.iter().any(|value| !value.is_finite()) {
-                let footprint = Footprint::new(self.kernel, self.block, &self.taps, i);
-                *value = footprint.values(self.kernel, self.clamp);
-                bad += value[..self.out.len()].iter().filter(|value| !value.is_finite()).count() as u64;
+            } else if self.taps.alone[i] != 0 || value.iter().any(|value| !value.is_finite()) {
+                let footprint = Footprint::new(self.kernel, self.source, [xs[i], ys[i]]);
+                *value = samples.planes.map(|plane| footprint.value(self.kernel, &plane, self.clamp));
+                bad += value[..count].iter().filter(|value| !value.is_finite()).count() as u64;
             }
         }
         bad

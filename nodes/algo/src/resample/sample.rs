@@ -59,10 +59,12 @@ impl Source {
         [self.window.x0 as f64, self.window.y0 as f64]
     }
 
-    /// The first of the `taps` x `taps` pixels around a position, counted from the window's corner.
-    pub fn first_tap(&self, position: [f64; 2], taps: usize) -> [i32; 2] {
+    /// The first of the `taps` x `taps` pixels around a position, counted from the window's corner, and how far past the
+    /// middle one the position lies.
+    pub fn first_tap(&self, position: [f64; 2], taps: usize) -> ([i32; 2], [f32; 2]) {
         let corner = self.corner();
-        [0, 1].map(|axis| split(position[axis] - corner[axis] - 0.5).0 - (taps as i32 / 2 - 1))
+        let [x, y] = [0, 1].map(|axis| split(position[axis] - corner[axis] - 0.5));
+        ([x.0, y.0].map(|whole| whole - (taps as i32 / 2 - 1)), [x.1, y.1])
     }
 }
 

@@ -1,10 +1,10 @@
-//! What plain loops do not reach, where the processor has AVX-512: the weighted sums of four channels and four taps, four
-//! pixels at a time, by the same operations in the same order as in [`weigh`](super::weigh), so with the same bits; and
+//! What plain loops do not reach, where the processor has AVX-512: the weighted sums of four taps and four channels or one,
+//! four pixels at a time, by the same operations in the same order as in [`weigh`](super::weigh), so with the same bits; and
 //! stores that pass by the cache, since a large picture is not read again soon.
 
 #![allow(unsafe_code)]
 
-use super::block::{BLOCK_WIDTH, Block};
+use super::block::{BLOCK_WIDTH, Samples};
 use super::taps::Taps;
 use super::weigh::Values;
 use std::arch::x86_64::*;
@@ -29,21 +29,77 @@ pub(super) fn fetch<T>(samples: &[T]) {
 
 /// The weighted sums of a row; false if there is no faster way here.
 #[inline(always)]
-pub(super) fn sums<const T: usize, const C: usize>(block: &Block<C>, taps: &Taps<T>, values: &mut Values<C>) -> bool {
-    if (T, C) != (FOUR, FOUR) || !available() {
+pub(super) fn sums<const T: usize, const C: usize>(
+    samples: &Samples<C>,
+    taps: &Taps<T>,
+    values: &mut Values<C>,
+) -> bool {
+    if T != FOUR || (C != FOUR && C != 1) || !available() {
         return false;
     }
-    let (pixels, stride) = block.pixels(0);
+    let (pixels, stride) = (samples.from(0), samples.stride);
     let mut last = 0;
     for first in taps.first {
         last = if first > last { first } else { last };
     }
-    assert!(last as usize + (FOUR - 1) * stride + FOUR <= pixels.len(), "the block holds the footprints");
+    assert!(last as usize + (FOUR - 1) * stride + FOUR <= pixels.len(), "the samples hold the footprints");
     let (samples, values) = (pixels.as_flattened(), values.as_flattened_mut());
+    let first = &taps.first[..taps.count.next_multiple_of(FOUR)];
     let [across, down] = &taps.weights;
     // SAFETY: the processor has AVX-512; each footprint lies in `samples`.
-    unsafe { fours(samples, stride * FOUR, &taps.first[..taps.count.next_multiple_of(FOUR)], across, down, values) }
+    unsafe {
+        if C == FOUR {
+            fours(samples, stride * FOUR, first, across, down, values);
+        } else {
+            singles(samples, stride, first, across, down, values);
+        }
+    }
     true
+}
+
+/// # Safety
+/// From each of `first` on, `FOUR` rows of `FOUR` samples, `stride` apart, lie in `samples`. There is a multiple of `FOUR`
+/// of `first`, `BLOCK_WIDTH` at most, that many `values`, and `FOUR` of `across` and of `down`.
+#[target_feature(enable = "avx512f")]
+unsafe fn singles(
+    samples: &[f32],
+    stride: usize,
+    first: &[u32],
+    across: &[[f32; BLOCK_WIDTH]],
+    down: &[[f32; BLOCK_WIDTH]],
+    values: &mut [f32],
+) {
+    // Four values as columns or rows of four lanes, and each lane group's first.
+    let spread = _mm512_setr_epi32(0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3);
+    let turn = _mm512_setr_epi32(0, 4, 8, 12, 1, 5, 9, 13, 2, 6, 10, 14, 3, 7, 11, 15);
+    let firsts = _mm512_setr_epi32(0, 4, 8, 12, 0, 4, 8, 12, 0, 4, 8, 12, 0, 4, 8, 12);
+    for start in (0..first.len()).step_by(FOUR) {
+        // SAFETY: as the caller promised.
+        unsafe {
+            let tap = |weights: &[[f32; BLOCK_WIDTH]], tap: usize| _mm_loadu_ps(weights[tap].as_ptr().add(start));
+            let at = [0, 1, 2, 3].map(|i| samples.as_ptr().add(first[start + i] as usize));
+            let row = |row: usize| {
+                let row_of = at.map(|at| _mm_loadu_ps(at.add(row * stride)));
+                let weights = _mm512_permutexvar_ps(spread, _mm512_castps128_ps512(tap(down, row)));
+                _mm512_mul_ps(weights, joined(row_of))
+            };
+            let sum = _mm512_add_ps(_mm512_add_ps(_mm512_add_ps(row(0), row(1)), row(2)), row(3));
+            let weights = joined([0, 1, 2, 3].map(|i| tap(across, i)));
+            let terms = _mm512_mul_ps(sum, _mm512_permutexvar_ps(turn, weights));
+            let pairs = _mm512_add_ps(terms, _mm512_permute_ps::<0b10_11_00_01>(terms));
+            let sum = _mm512_add_ps(pairs, _mm512_permute_ps::<0b01_00_11_10>(pairs));
+            let sum = _mm512_permutexvar_ps(firsts, _mm512_add_ps(sum, _mm512_setzero_ps()));
+            _mm_storeu_ps(values.as_mut_ptr().add(start), _mm512_castps512_ps128(sum));
+        }
+    }
+}
+
+/// Four vectors side by side.
+#[inline]
+#[target_feature(enable = "avx512f")]
+fn joined([a, b, c, d]: [__m128; FOUR]) -> __m512 {
+    let low = _mm512_insertf32x4::<1>(_mm512_castps128_ps512(a), b);
+    _mm512_insertf32x4::<3>(_mm512_insertf32x4::<2>(low, c), d)
 }
 
 /// # Safety
@@ -62,11 +118,7 @@ unsafe fn fours(
         // SAFETY: as the caller promised.
         unsafe {
             // Row by row the weights of a tap for four pixels.
-            let tap = |tap: usize| _mm_loadu_ps(across[tap].as_ptr().add(start));
-            let weights = _mm512_castps128_ps512(tap(0));
-            let weights = _mm512_insertf32x4::<1>(weights, tap(1));
-            let weights = _mm512_insertf32x4::<2>(weights, tap(2));
-            let weights = _mm512_insertf32x4::<3>(weights, tap(3));
+            let weights = joined([0, 1, 2, 3].map(|tap| _mm_loadu_ps(across[tap].as_ptr().add(start))));
             let column = |i: usize| {
                 let at = samples.as_ptr().add(first[start + i] as usize * FOUR);
                 let row = |row: usize| {

@@ -3,7 +3,7 @@
 //! Positions are rounded to 2^-24 px, the resolution of the weights: far above the locator's rounding errors, so
 //! that a whole-pixel position is one, and exact for the fraction t and for 1 - t.
 
-use super::block::{BLOCK_WIDTH, Part};
+use super::block::{BLOCK_WIDTH, Samples};
 use super::filter::{FRACTION_BITS, Kernel, RESOLUTION};
 use super::sample::Source;
 
@@ -30,8 +30,11 @@ pub(super) fn split(position: f64) -> (i32, f32) {
 pub(super) struct Taps<const T: usize> {
     /// Pixels of the row.
     pub count: usize,
-    /// Number of the first pixel in the block; 0 beyond the row's end.
+    /// Number of the first pixel among the samples; 0 beyond the row's end.
     pub first: [u32; BLOCK_WIDTH],
+    /// Not zero where a pixel must be weighed alone: the samples do not hold its footprint, or it stands at a whole
+    /// position, or it is not drawn.
+    pub alone: [u32; BLOCK_WIDTH],
     /// Fraction of a pixel along each axis.
     pub rest: [[f32; BLOCK_WIDTH]; 2],
     /// The weights along each axis, tap by tap.
@@ -42,35 +45,43 @@ impl<const T: usize> Taps<T> {
     pub const EMPTY: Self = Self {
         count: 0,
         first: [0; BLOCK_WIDTH],
+        alone: [0; BLOCK_WIDTH],
         rest: [[0.0; BLOCK_WIDTH]; 2],
         weights: [[[0.0; BLOCK_WIDTH]; T]; 2],
     };
 
-    /// `part` holds the footprints of all positions that are not NaN.
+    /// `either`: whole positions along one axis matter too, not only those along both.
     #[inline(always)]
-    pub fn fill<const D: usize>(
+    pub fn fill<const D: usize, const C: usize>(
         &mut self,
         kernel: &Kernel<T, D>,
+        either: bool,
         source: &Source,
         positions: [&[f64]; 2],
-        part: &Part,
+        samples: &Samples<C>,
     ) {
         self.count = positions[0].len();
         let mut place = [[0_u32; BLOCK_WIDTH]; 2];
+        let mut beyond = [[0_u32; BLOCK_WIDTH]; 2];
         for axis in 0..2 {
-            let (corner, start) = (source.corner()[axis], part.corner[axis] + (T as i32 / 2 - 1));
-            let last = (part.size[axis] - T) as i32;
-            let places = place[axis].iter_mut().zip(&mut self.rest[axis]);
-            for ((place, rest), &position) in places.zip(positions[axis]) {
+            let (corner, start) = (source.corner()[axis], samples.part.corner[axis] + (T as i32 / 2 - 1));
+            let last = (samples.part.size[axis] - T) as i32;
+            let places = place[axis].iter_mut().zip(&mut beyond[axis]).zip(&mut self.rest[axis]);
+            for (((place, beyond), rest), &position) in places.zip(positions[axis]) {
                 let (whole, fraction) = split(position - corner - 0.5);
-                (*place, *rest) = ((whole - start).clamp(0, last) as u32, fraction);
+                let held = (whole - start).clamp(0, last);
+                (*place, *beyond, *rest) = (held as u32, (held ^ (whole - start)) as u32, fraction);
             }
         }
-        let width = part.size[0] as u32;
+        let width = samples.stride as u32;
         for i in 0..self.count {
+            let [x, y] = [self.rest[0][i] == 0.0, self.rest[1][i] == 0.0];
+            let whole = (x & y) | (either & (x | y));
             self.first[i] = place[1][i] * width + place[0][i];
+            self.alone[i] = beyond[0][i] | beyond[1][i] | u32::from(whole);
         }
         self.first[self.count..].fill(0);
+        self.alone[self.count..].fill(0);
         // Beyond the row's end too: loops of fixed length compile to whole vectors.
         for axis in 0..2 {
             for tap in 0..T {
@@ -81,20 +92,9 @@ impl<const T: usize> Taps<T> {
         }
     }
 
-    /// Whether pixel `i` stands at a whole position; with `either` along one axis at least. So does one that is not drawn.
+    /// Whether some pixel must be weighed alone.
     #[inline(always)]
-    pub fn is_whole(&self, i: usize, either: bool) -> bool {
-        let [x, y] = [self.rest[0][i] == 0.0, self.rest[1][i] == 0.0];
-        (x & y) | (either & (x | y))
-    }
-
-    /// Whether one of the pixels does.
-    #[inline(always)]
-    pub fn some_whole(&self, either: bool) -> bool {
-        let mut some = false;
-        for i in 0..self.count {
-            some |= self.is_whole(i, either);
-        }
-        some
+    pub fn some_alone(&self) -> bool {
+        self.alone.iter().fold(0, |some, alone| some | alone) != 0
     }
 }

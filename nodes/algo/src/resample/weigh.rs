@@ -1,8 +1,10 @@
 //! Weighing the samples of a row of pixels.
 
-use super::block::{BLOCK_WIDTH, Block};
+use super::block::{BLOCK_WIDTH, Samples};
 use super::filter::Kernel;
+use super::sample::Source;
 use super::taps::Taps;
+use crate::view::View;
 
 /// Pixels weighed together.
 const GROUP: usize = 8;
@@ -12,13 +14,13 @@ pub(super) type Values<const C: usize> = [[f32; C]; BLOCK_WIDTH];
 
 /// The weighted sums of a row: down each column first, then across, in the order that [`total`] says.
 #[inline(always)]
-pub(super) fn sums<const T: usize, const C: usize>(block: &Block<C>, taps: &Taps<T>, values: &mut Values<C>) {
+pub(super) fn sums<const T: usize, const C: usize>(samples: &Samples<C>, taps: &Taps<T>, values: &mut Values<C>) {
     #[cfg(target_arch = "x86_64")]
-    if super::simd::sums(block, taps, values) {
+    if super::simd::sums(samples, taps, values) {
         return;
     }
     for start in (0..taps.count).step_by(GROUP) {
-        let terms: [_; GROUP] = std::array::from_fn(|i| terms(block, taps, start + i));
+        let terms: [_; GROUP] = std::array::from_fn(|i| terms(samples, taps, start + i));
         for (value, terms) in values[start..].iter_mut().zip(&terms) {
             for channel in 0..C {
                 value[channel] = total::<T>(std::array::from_fn(|column| terms[column][channel]));
@@ -29,11 +31,11 @@ pub(super) fn sums<const T: usize, const C: usize>(block: &Block<C>, taps: &Taps
 
 /// What each column of pixel `i` gives.
 #[inline(always)]
-fn terms<const T: usize, const C: usize>(block: &Block<C>, taps: &Taps<T>, i: usize) -> [[f32; C]; T] {
-    let (pixels, stride) = block.pixels(taps.first[i]);
+fn terms<const T: usize, const C: usize>(samples: &Samples<C>, taps: &Taps<T>, i: usize) -> [[f32; C]; T] {
+    let (pixels, stride) = (samples.from(taps.first[i]), samples.stride);
     let mut terms = [[0.0; C]; T];
     for row in 0..T {
-        let samples: &[[f32; C]; T] = pixels[row * stride..].first_chunk().expect("the block holds the footprint");
+        let samples: &[[f32; C]; T] = pixels[row * stride..].first_chunk().expect("the samples hold the footprint");
         for column in 0..T {
             for channel in 0..C {
                 terms[column][channel] += taps.weights[1][row][i] * samples[column][channel];
@@ -71,12 +73,12 @@ pub(super) fn some_not_finite<const C: usize>(values: &Values<C>) -> bool {
 
 /// Cuts the values to between the least and the greatest of the middle 2 x 2 taps.
 #[inline(always)]
-pub(super) fn clamp<const T: usize, const C: usize>(block: &Block<C>, taps: &Taps<T>, values: &mut Values<C>) {
+pub(super) fn clamp<const T: usize, const C: usize>(samples: &Samples<C>, taps: &Taps<T>, values: &mut Values<C>) {
     let middle = T / 2 - 1;
     for (i, value) in values.iter_mut().enumerate().take(taps.count) {
-        let (pixels, stride) = block.pixels(taps.first[i]);
+        let (pixels, stride) = (samples.from(taps.first[i]), samples.stride);
         let [upper, lower]: [&[[f32; C]; 2]; 2] = [middle, middle + 1]
-            .map(|row| pixels[row * stride + middle..].first_chunk().expect("the block holds the footprint"));
+            .map(|row| pixels[row * stride + middle..].first_chunk().expect("the samples hold the footprint"));
         *value = std::array::from_fn(|channel| {
             let [a, b, c, d] = [upper[0], upper[1], lower[0], lower[1]].map(|pixel| pixel[channel]);
             cut(value[channel], [a.min(b).min(c.min(d)), a.max(b).max(c.max(d))])
@@ -92,58 +94,64 @@ fn cut(value: f32, [low, high]: [f32; 2]) -> f32 {
 }
 
 /// One pixel weighed alone, where samples of weight zero matter: they are not read.
-pub(super) struct Footprint<'a, const T: usize, const C: usize> {
-    pixels: &'a [[f32; C]],
-    stride: usize,
+pub(super) struct Footprint<const T: usize> {
+    /// None where there is a zero.
+    columns: [Option<usize>; T],
+    rows: [Option<usize>; T],
     weights: [[f32; T]; 2],
     rest: [f32; 2],
 }
 
-impl<'a, const T: usize, const C: usize> Footprint<'a, T, C> {
+impl<const T: usize> Footprint<T> {
     const MIDDLE: usize = T / 2 - 1;
 
-    /// Of pixel `i` of a row.
-    pub fn new<const D: usize>(kernel: &Kernel<T, D>, block: &'a Block<C>, taps: &Taps<T>, i: usize) -> Self {
-        let (pixels, stride) = block.pixels(taps.first[i]);
-        let rest = [taps.rest[0][i], taps.rest[1][i]];
-        Self { pixels, stride, weights: rest.map(|t| kernel.weights(t)), rest }
-    }
-
-    /// The channels' values; with `clamp` no less than the least and no more than the greatest sample within 1 px.
-    pub fn values<const D: usize>(&self, kernel: &Kernel<T, D>, clamp: bool) -> [f32; C] {
-        if kernel.interpolates() && self.rest == [0.0; 2] {
-            return self.pixels[Self::MIDDLE * self.stride + Self::MIDDLE];
+    /// Around a position.
+    pub fn new<const D: usize>(kernel: &Kernel<T, D>, source: &Source, position: [f64; 2]) -> Self {
+        let (first, rest) = source.first_tap(position, T);
+        Self {
+            columns: std::array::from_fn(|tap| source.column(first[0] + tap as i32)),
+            rows: std::array::from_fn(|tap| source.row(first[1] + tap as i32)),
+            weights: rest.map(|t| kernel.weights(t)),
+            rest,
         }
-        std::array::from_fn(|channel| {
-            let sum = self.sum(channel);
-            let value = if clamp { cut(sum, self.range(channel)) } else { sum };
-            // The sign and payload of a computed NaN depend on how the compiler orders operands; this takes them away.
-            if value.is_nan() { f32::NAN } else { value }
-        })
     }
 
-    fn sample(&self, column: usize, row: usize, channel: usize) -> f32 {
-        self.pixels[row * self.stride + column][channel]
+    /// A plane's value; with `clamp` no less than the least and no more than the greatest sample within 1 px.
+    pub fn value<const D: usize>(&self, kernel: &Kernel<T, D>, plane: &View<f32>, clamp: bool) -> f32 {
+        if kernel.interpolates() && self.rest == [0.0; 2] {
+            return self.sample(plane, Self::MIDDLE, Self::MIDDLE);
+        }
+        let sum = self.sum(plane);
+        let value = if clamp { cut(sum, self.range(plane)) } else { sum };
+        // The sign and payload of a computed NaN depend on how the compiler orders operands; this takes them away.
+        if value.is_nan() { f32::NAN } else { value }
     }
 
-    fn sum(&self, channel: usize) -> f32 {
+    fn sample(&self, plane: &View<f32>, column: usize, row: usize) -> f32 {
+        match (self.columns[column], self.rows[row]) {
+            (Some(column), Some(row)) => plane.row(row)[column],
+            _ => 0.0,
+        }
+    }
+
+    fn sum(&self, plane: &View<f32>) -> f32 {
         let [x, y] = &self.weights;
         let mut terms = [0.0; T];
         for column in (0..T).filter(|&column| x[column] != 0.0) {
             let rows = (0..T).filter(|&row| y[row] != 0.0);
-            terms[column] = x[column] * rows.fold(0.0, |sum, row| sum + y[row] * self.sample(column, row, channel));
+            terms[column] = x[column] * rows.fold(0.0, |sum, row| sum + y[row] * self.sample(plane, column, row));
         }
         total(terms)
     }
 
     /// The least and the greatest sample with weight within 1 px along both axes.
-    fn range(&self, channel: usize) -> [f32; 2] {
+    fn range(&self, plane: &View<f32>) -> [f32; 2] {
         let inner = |axis: usize| {
             let whole = self.rest[axis] == 0.0;
             let first = if whole { Self::MIDDLE - 1 } else { Self::MIDDLE };
             (first..Self::MIDDLE + 2).filter(move |&tap| !whole || self.weights[axis][tap] != 0.0)
         };
-        let samples = inner(1).flat_map(|row| inner(0).map(move |column| self.sample(column, row, channel)));
+        let samples = inner(1).flat_map(|row| inner(0).map(move |column| self.sample(plane, column, row)));
         samples.fold([f32::INFINITY, f32::NEG_INFINITY], |[low, high], at| [low.min(at), high.max(at)])
     }
 }
