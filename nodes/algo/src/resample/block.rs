@@ -70,6 +70,21 @@ impl Part {
         let corner = [ranges[0].start as i32, ranges[1].start as i32];
         Self { corner, size: ranges.map(|range| (range.end - range.start) as usize) }
     }
+
+    /// Has the memory bring one of `shares` parts of it nearer. It must lie inside the planes.
+    #[inline(always)]
+    pub fn fetch<const C: usize>(&self, planes: &[View<f32>; C], share: usize, shares: usize) {
+        let [x, y] = self.corner.map(|corner| corner as usize);
+        let [width, height] = self.size;
+        for row in y + height * share / shares..y + height * (share + 1) / shares {
+            for plane in planes {
+                #[cfg(target_arch = "x86_64")]
+                super::simd::fetch_far(&plane.row(row)[x..x + width]);
+                #[cfg(not(target_arch = "x86_64"))]
+                let _ = (plane, x, width);
+            }
+        }
+    }
 }
 
 /// Lowers and raises limits to hold some values; NaN does nothing.

@@ -33,12 +33,24 @@ pub(super) fn filtered<const T: usize, const D: usize>(
 ) -> u64 {
     let mut painter = Painter { kernel, clamp, source, positions, left, taps: Taps::EMPTY };
     let (width, rows) = (positions.width, 0..positions.height());
-    let mut bad = 0;
-    for start in (0..width).step_by(BLOCK_WIDTH) {
-        let pixels = Pixels { columns: start..width.min(start + BLOCK_WIDTH), rows: rows.clone() };
+    let columns = (0..width).step_by(BLOCK_WIDTH).map(|start| start..width.min(start + BLOCK_WIDTH));
+    let pixels: Vec<_> = columns.map(|columns| Pixels { columns, rows: rows.clone() }).collect();
+    let (mut parts, mut bad) = (vec![None; pixels.len()], 0);
+    vectorized(
+        #[inline(always)]
+        || {
+            for (part, pixels) in parts.iter_mut().zip(&pixels) {
+                *part = Part::of(source, positions, pixels, T);
+            }
+        },
+    );
+    for (i, pixels) in pixels.iter().enumerate() {
+        // The next block's samples are fetched while this one is drawn.
+        let next = parts.get(i + 1).copied().flatten().filter(|part| part.is_dense(pixels, T));
+        let next = next.map(|part| part.inside(source));
         vectorized(
             #[inline(always)]
-            || bad += painter.block(planes, &pixels, blocks, out),
+            || bad += painter.block(planes, pixels, [parts[i], next], blocks, out),
         );
     }
     #[cfg(target_arch = "x86_64")]
@@ -56,10 +68,18 @@ struct Painter<'a, const T: usize, const D: usize> {
 }
 
 impl<const T: usize, const D: usize> Painter<'_, T, D> {
-    /// Draws a block and returns how many values are not finite.
+    /// Draws a block from its part of the source, if there is one, and fetches the next one's. Returns how many values
+    /// are not finite.
     #[inline(always)]
-    fn block(&mut self, planes: &[View<f32>], pixels: &Pixels, blocks: &mut Blocks, out: &mut [ViewMut<f32>]) -> u64 {
-        let Some(part) = Part::of(self.source, self.positions, pixels, T) else {
+    fn block(
+        &mut self,
+        planes: &[View<f32>],
+        pixels: &Pixels,
+        [part, next]: [Option<Part>; 2],
+        blocks: &mut Blocks,
+        out: &mut [ViewMut<f32>],
+    ) -> u64 {
+        let Some(part) = part else {
             let columns = self.columns(pixels);
             for out in out {
                 pixels.rows.clone().for_each(|row| out.row_mut(row)[columns.clone()].fill(0.0));
@@ -72,7 +92,8 @@ impl<const T: usize, const D: usize> Painter<'_, T, D> {
             if dense && planes.len() > 1 {
                 // Where there are fewer, the last one fills up.
                 let planes = std::array::from_fn(|i| planes[i.min(planes.len() - 1)]);
-                bad += self.rows(&blocks.together.load(self.source, planes, part), pixels, out);
+                let samples = blocks.together.load(self.source, planes, part);
+                bad += self.rows(&samples, next.as_ref(), pixels, out);
                 continue;
             }
             for (&plane, out) in planes.iter().zip(out.chunks_mut(1)) {
@@ -81,7 +102,7 @@ impl<const T: usize, const D: usize> Painter<'_, T, D> {
                 } else {
                     Samples::of_plane(plane, self.source, &part, T)
                 };
-                bad += self.rows(&samples, pixels, out);
+                bad += self.rows(&samples, next.as_ref(), pixels, out);
             }
         }
         bad
@@ -93,8 +114,22 @@ impl<const T: usize, const D: usize> Painter<'_, T, D> {
     }
 
     #[inline(always)]
-    fn rows<const C: usize>(&mut self, samples: &Samples<C>, pixels: &Pixels, out: &mut [ViewMut<f32>]) -> u64 {
-        pixels.rows.clone().map(|row| self.row(row, samples, pixels, out)).sum()
+    fn rows<const C: usize>(
+        &mut self,
+        samples: &Samples<C>,
+        next: Option<&Part>,
+        pixels: &Pixels,
+        out: &mut [ViewMut<f32>],
+    ) -> u64 {
+        let mut bad = 0;
+        // Iterators' closures are not always compiled for the vectors at hand.
+        for row in pixels.rows.clone() {
+            if let Some(next) = next {
+                next.fetch(&samples.planes, row, pixels.rows.len());
+            }
+            bad += self.row(row, samples, pixels, out);
+        }
+        bad
     }
 
     #[inline(always)]
@@ -142,7 +177,7 @@ impl<const T: usize, const D: usize> Painter<'_, T, D> {
                 *value = [0.0; C];
             } else if self.taps.alone[i] != 0 || value.iter().any(|value| !value.is_finite()) {
                 let footprint = Footprint::new(self.kernel, self.source, [xs[i], ys[i]]);
-                *value = samples.planes.map(|plane| footprint.value(self.kernel, &plane, self.clamp));
+                *value = footprint.values(&samples.planes, self.clamp);
                 bad += value[..count].iter().filter(|value| !value.is_finite()).count() as u64;
             }
         }

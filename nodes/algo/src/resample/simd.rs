@@ -18,12 +18,21 @@ fn available() -> bool {
     is_x86_feature_detected!("avx512f")
 }
 
-/// Has the memory bring samples nearer.
+/// Has the memory bring samples near, for soon.
 #[inline(always)]
 pub(super) fn fetch<T>(samples: &[T]) {
     for line in samples.chunks(64 / size_of::<T>()) {
         // SAFETY: a prefetch reads nothing.
         unsafe { _mm_prefetch::<_MM_HINT_T0>(line.as_ptr().cast()) }
+    }
+}
+
+/// Has the memory bring samples nearer, for later.
+#[inline(always)]
+pub(super) fn fetch_far(samples: &[f32]) {
+    for line in samples.chunks(LINE) {
+        // SAFETY: a prefetch reads nothing.
+        unsafe { _mm_prefetch::<_MM_HINT_T1>(line.as_ptr().cast()) }
     }
 }
 

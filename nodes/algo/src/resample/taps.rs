@@ -95,6 +95,10 @@ impl<const T: usize> Taps<T> {
     /// Whether some pixel must be weighed alone.
     #[inline(always)]
     pub fn some_alone(&self) -> bool {
-        self.alone.iter().fold(0, |some, alone| some | alone) != 0
+        let mut some = 0;
+        for alone in self.alone {
+            some |= alone;
+        }
+        some != 0
     }
 }

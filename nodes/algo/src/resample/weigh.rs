@@ -94,48 +94,49 @@ fn cut(value: f32, [low, high]: [f32; 2]) -> f32 {
 }
 
 /// One pixel weighed alone, where samples of weight zero matter: they are not read.
-pub(super) struct Footprint<const T: usize> {
-    /// None where there is a zero.
-    columns: [Option<usize>; T],
-    rows: [Option<usize>; T],
-    weights: [[f32; T]; 2],
+pub(super) struct Footprint<'a, const T: usize, const D: usize> {
+    kernel: &'a Kernel<T, D>,
+    source: &'a Source,
+    first: [i32; 2],
     rest: [f32; 2],
 }
 
-impl<const T: usize> Footprint<T> {
+impl<'a, const T: usize, const D: usize> Footprint<'a, T, D> {
     const MIDDLE: usize = T / 2 - 1;
 
     /// Around a position.
-    pub fn new<const D: usize>(kernel: &Kernel<T, D>, source: &Source, position: [f64; 2]) -> Self {
+    #[inline(always)]
+    pub fn new(kernel: &'a Kernel<T, D>, source: &'a Source, position: [f64; 2]) -> Self {
         let (first, rest) = source.first_tap(position, T);
-        Self {
-            columns: std::array::from_fn(|tap| source.column(first[0] + tap as i32)),
-            rows: std::array::from_fn(|tap| source.row(first[1] + tap as i32)),
-            weights: rest.map(|t| kernel.weights(t)),
-            rest,
-        }
+        Self { kernel, source, first, rest }
     }
 
-    /// A plane's value; with `clamp` no less than the least and no more than the greatest sample within 1 px.
-    pub fn value<const D: usize>(&self, kernel: &Kernel<T, D>, plane: &View<f32>, clamp: bool) -> f32 {
-        if kernel.interpolates() && self.rest == [0.0; 2] {
-            return self.sample(plane, Self::MIDDLE, Self::MIDDLE);
+    /// The planes' values; with `clamp` no less than the least and no more than the greatest sample within 1 px.
+    #[inline(always)]
+    pub fn values<const C: usize>(&self, planes: &[View<f32>; C], clamp: bool) -> [f32; C] {
+        if self.kernel.interpolates() && self.rest == [0.0; 2] {
+            let column = self.source.column(self.first[0] + Self::MIDDLE as i32);
+            let row = self.source.row(self.first[1] + Self::MIDDLE as i32);
+            return column.zip(row).map_or([0.0; C], |(column, row)| planes.map(|plane| plane.row(row)[column]));
         }
-        let sum = self.sum(plane);
-        let value = if clamp { cut(sum, self.range(plane)) } else { sum };
+        planes.map(|plane| self.weighed(&plane, clamp))
+    }
+
+    fn weighed(&self, plane: &View<f32>, clamp: bool) -> f32 {
+        let weights = self.rest.map(|t| self.kernel.weights(t));
+        let sum = self.sum(&weights, plane);
+        let value = if clamp { cut(sum, self.range(&weights, plane)) } else { sum };
         // The sign and payload of a computed NaN depend on how the compiler orders operands; this takes them away.
         if value.is_nan() { f32::NAN } else { value }
     }
 
     fn sample(&self, plane: &View<f32>, column: usize, row: usize) -> f32 {
-        match (self.columns[column], self.rows[row]) {
-            (Some(column), Some(row)) => plane.row(row)[column],
-            _ => 0.0,
-        }
+        let column = self.source.column(self.first[0] + column as i32);
+        let row = self.source.row(self.first[1] + row as i32);
+        column.zip(row).map_or(0.0, |(column, row)| plane.row(row)[column])
     }
 
-    fn sum(&self, plane: &View<f32>) -> f32 {
-        let [x, y] = &self.weights;
+    fn sum(&self, [x, y]: &[[f32; T]; 2], plane: &View<f32>) -> f32 {
         let mut terms = [0.0; T];
         for column in (0..T).filter(|&column| x[column] != 0.0) {
             let rows = (0..T).filter(|&row| y[row] != 0.0);
@@ -145,11 +146,11 @@ impl<const T: usize> Footprint<T> {
     }
 
     /// The least and the greatest sample with weight within 1 px along both axes.
-    fn range(&self, plane: &View<f32>) -> [f32; 2] {
+    fn range(&self, weights: &[[f32; T]; 2], plane: &View<f32>) -> [f32; 2] {
         let inner = |axis: usize| {
             let whole = self.rest[axis] == 0.0;
             let first = if whole { Self::MIDDLE - 1 } else { Self::MIDDLE };
-            (first..Self::MIDDLE + 2).filter(move |&tap| !whole || self.weights[axis][tap] != 0.0)
+            (first..Self::MIDDLE + 2).filter(move |&tap| !whole || weights[axis][tap] != 0.0)
         };
         let samples = inner(1).flat_map(|row| inner(0).map(move |column| self.sample(plane, column, row)));
         samples.fold([f32::INFINITY, f32::NEG_INFINITY], |[low, high], at| [low.min(at), high.max(at)])
