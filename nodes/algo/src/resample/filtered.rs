@@ -4,7 +4,7 @@ use super::block::{BLOCK_WIDTH, Block, Part, Pixels, Samples};
 use super::filter::Kernel;
 use super::locate::Located;
 use super::sample::Source;
-use super::taps::Taps;
+use super::taps::{Taps, WHOLE};
 use super::weigh::{self, Footprint, Values};
 use crate::poisson::simd::vectorized;
 use crate::view::{View, ViewMut};
@@ -175,11 +175,15 @@ impl<const T: usize, const D: usize> Painter<'_, T, D> {
         for (i, value) in values.iter_mut().enumerate().take(xs.len()) {
             if xs[i].is_nan() {
                 *value = [0.0; C];
+                continue;
+            }
+            if self.taps.alone[i] == WHOLE && self.kernel.interpolates() {
+                *value = samples.from(self.taps.first[i])[(T / 2 - 1) * (samples.stride + 1)];
             } else if self.taps.alone[i] != 0 || value.iter().any(|value| !value.is_finite()) {
                 let footprint = Footprint::new(self.kernel, self.source, [xs[i], ys[i]]);
                 *value = footprint.values(&samples.planes, self.clamp);
-                bad += value[..count].iter().filter(|value| !value.is_finite()).count() as u64;
             }
+            bad += value[..count].iter().filter(|value| !value.is_finite()).count() as u64;
         }
         bad
     }

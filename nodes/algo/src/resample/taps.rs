@@ -25,6 +25,13 @@ pub(super) fn split(position: f64) -> (i32, f32) {
     (whole.wrapping_sub((ROUNDER.to_bits() >> FRACTION_BITS) as u32) as i32, rest)
 }
 
+/// The samples do not hold the footprint, or the pixel is not drawn.
+pub(super) const OUTSIDE: u32 = 1;
+/// It stands at a whole position.
+pub(super) const WHOLE: u32 = 2;
+/// It stands at a whole position along one axis, where that matters.
+pub(super) const BETWEEN: u32 = 4;
+
 /// The taps of one row of a block, T x T each.
 #[derive(Debug)]
 pub(super) struct Taps<const T: usize> {
@@ -32,8 +39,7 @@ pub(super) struct Taps<const T: usize> {
     pub count: usize,
     /// Number of the first pixel among the samples; 0 beyond the row's end.
     pub first: [u32; BLOCK_WIDTH],
-    /// Not zero where a pixel must be weighed alone: the samples do not hold its footprint, or it stands at a whole
-    /// position, or it is not drawn.
+    /// Why a pixel must be weighed alone, 0 if it need not.
     pub alone: [u32; BLOCK_WIDTH],
     /// Fraction of a pixel along each axis.
     pub rest: [[f32; BLOCK_WIDTH]; 2],
@@ -76,9 +82,11 @@ impl<const T: usize> Taps<T> {
         let width = samples.stride as u32;
         for i in 0..self.count {
             let [x, y] = [self.rest[0][i] == 0.0, self.rest[1][i] == 0.0];
-            let whole = (x & y) | (either & (x | y));
             self.first[i] = place[1][i] * width + place[0][i];
-            self.alone[i] = beyond[0][i] | beyond[1][i] | u32::from(whole);
+            let outside = if beyond[0][i] | beyond[1][i] == 0 { 0 } else { OUTSIDE };
+            let whole = if x & y { WHOLE } else { 0 };
+            let between = if either & (x ^ y) { BETWEEN } else { 0 };
+            self.alone[i] = outside | whole | between;
         }
         self.first[self.count..].fill(0);
         self.alone[self.count..].fill(0);
