@@ -16,7 +16,7 @@ const SPREAD: usize = 8;
 /// More than a footprint of samples that nobody reads.
 static FAR: [[f32; 1]; 64] = [[0.0]; 64];
 /// Lanes of a search for the least and the greatest.
-const LANES: usize = 8;
+const LANES: usize = 32;
 
 /// A rectangle of a tile's pixels.
 #[derive(Clone, Debug)]

@@ -152,15 +152,18 @@ fn pairs(a: __m512, b: __m512) -> __m512 {
     _mm512_add_ps(_mm512_shuffle_f32x4::<0x88>(a, b), _mm512_shuffle_f32x4::<0xdd>(a, b))
 }
 
-/// Writes the pixels of rows of planes, as many as fill whole vectors, with their channels side by side. Returns how many.
+/// Writes the pixels of rows of planes with their channels side by side. Returns how many: all or none.
 #[inline(always)]
 pub(super) fn interleave<const C: usize>(rows: [&[f32]; C], pixels: &mut [[f32; C]]) -> usize {
-    let count = pixels.len() / LINE * LINE;
+    let count = pixels.len();
     match <&[&[f32]; FOUR]>::try_from(&rows[..]) {
-        Ok(rows) if available() => {
-            let rows = rows.map(|row| &row[..count]);
-            // SAFETY: the processor has AVX-512; there are `count` pixels and more.
-            unsafe { interleave_lines(rows, pixels.as_flattened_mut()) }
+        Ok(rows) if count >= LINE && available() => {
+            // The last whole vector overlaps those before it.
+            for part in [0..count / LINE * LINE, count - LINE..count] {
+                let rows = rows.map(|row| &row[part.clone()]);
+                // SAFETY: the processor has AVX-512; there are as many pixels.
+                unsafe { interleave_lines(rows, pixels[part].as_flattened_mut()) }
+            }
             count
         }
         _ => 0,

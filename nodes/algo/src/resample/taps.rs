@@ -80,17 +80,15 @@ impl<const T: usize> Taps<T> {
             }
         }
         let width = samples.stride as u32;
-        for i in 0..self.count {
-            let [x, y] = [self.rest[0][i] == 0.0, self.rest[1][i] == 0.0];
+        // Beyond the row's end too: loops of fixed length compile to whole vectors.
+        for i in 0..BLOCK_WIDTH {
+            let [x, y] = [u32::from(self.rest[0][i] == 0.0), u32::from(self.rest[1][i] == 0.0)];
+            let outside = u32::from(beyond[0][i] | beyond[1][i] != 0);
             self.first[i] = place[1][i] * width + place[0][i];
-            let outside = if beyond[0][i] | beyond[1][i] == 0 { 0 } else { OUTSIDE };
-            let whole = if x & y { WHOLE } else { 0 };
-            let between = if either & (x ^ y) { BETWEEN } else { 0 };
-            self.alone[i] = outside | whole | between;
+            self.alone[i] = outside * OUTSIDE | (x & y) * WHOLE | (u32::from(either) & (x ^ y)) * BETWEEN;
         }
         self.first[self.count..].fill(0);
         self.alone[self.count..].fill(0);
-        // Beyond the row's end too: loops of fixed length compile to whole vectors.
         for axis in 0..2 {
             for tap in 0..T {
                 for i in 0..BLOCK_WIDTH {

@@ -32,3 +32,44 @@ fn planes_drawn_together_and_alone_have_the_same_bits() {
         }
     }
 }
+
+/// A block whose pixels lie far apart is drawn from the planes themselves, a pixel alone from a copy.
+#[test]
+fn scattered_pixels_drawn_together_and_alone_have_the_same_bits() {
+    let (window, mut state) = (Rect::new(-3, 2, 13, 18), 7);
+    let mut place = || [0, 1].map(|_: usize| (random(&mut state) % 300_000) as f64 / 1000.0 - 120.0);
+    let lattice = Lattice { origin: [-2.5, 2.5], spacing: [1.0; 2], nodes: [16; 2] };
+    let places: Vec<_> = (0..256).map(|_| place()).collect();
+    let positions =
+        Positions { x: places.iter().map(|at| at[0]).collect(), y: places.iter().map(|at| at[1]).collect() };
+    let map = Map::Backward { lattice: &lattice, positions: &positions };
+    for source in [Rect::new(0, 0, 80, 90), Rect::new(-40, 3, 120, 5), Rect::new(9, -30, 12, 100)] {
+        let planes = [hard_picture(source, 1), noise(source.width() * source.height(), 2)];
+        for (filter, edge) in FILTERS.into_iter().take(4).flat_map(|filter| EDGES.map(|edge| (filter, edge))) {
+            for clamp_ringing in [false, true] {
+                let sampling = Sampling { filter, edge, clamp_ringing };
+                let draw = |window: Rect| {
+                    let [width, height] = [window.width(), window.height()];
+                    let mut out = vec![vec![f32::NAN; width * height]; 2];
+                    let views: Vec<_> =
+                        planes.iter().map(|plane| View::packed(plane, source.width(), source.height())).collect();
+                    let outs = out.iter_mut().map(|out| ViewMut::packed(out, width, height)).collect();
+                    draw(&map, source, window, &sampling, &views, outs, UNWATCHED).expect("unwatched");
+                    out.iter().map(|plane| bits(plane)).collect::<Vec<_>>()
+                };
+                let together = draw(window);
+                for i in 0..256 {
+                    let (x, y) = (window.x0 + i % 16, window.y0 + i / 16);
+                    let alone = draw(Rect::new(x, y, x + 1, y + 1));
+                    for plane in 0..2 {
+                        assert_eq!(
+                            alone[plane][0], together[plane][i as usize],
+                            "{filter:?} {edge:?} {:?}",
+                            places[i as usize]
+                        );
+                    }
+                }
+            }
+        }
+    }
+}
