@@ -1,8 +1,9 @@
 //! Where a block of pixels finds its samples: in a copy of their part of the source with a pixel's channels side by
 //! side, or in the planes themselves.
 //!
-//! In a copy, what lies outside the source is filled in, so that weighing meets no edge. Rows of a large picture are often
-//! a power of two apart: those of a footprint then push each other out of the cache; in the copy they lie close together.
+//! In a copy, what lies outside the source is filled in, so that weighing meets no edge. Rows of a large picture are
+//! often a power of two apart: those of a footprint then push each other out of the cache; in the copy they lie close
+//! together.
 
 use super::locate::Located;
 use super::sample::Source;

@@ -68,7 +68,8 @@ impl<'a> Ewa<'a> {
         self.reach
     }
 
-    /// Gives each pixel of a tile its value; places as in [`nearest`](super::sample::nearest). Returns how many are not finite.
+    /// Gives each pixel of a tile its value; places as in [`nearest`](super::sample::nearest). Returns how many
+    /// are not finite.
     pub fn fill(&self, at: &Located, left: usize, blocks: &mut Blocks, out: &mut [ViewMut<f32>]) -> u64 {
         let axes = self.jacobians.tile(at);
         if axes.iter().all(Axes::is_still) {

@@ -212,7 +212,9 @@ fn turned(a: __m512, b: __m512, c: __m512, d: __m512) -> [__m512; FOUR] {
 /// Writes the values' channels to rows of planes past the cache; false if they are not four rows of whole cache lines.
 #[inline(always)]
 pub(super) fn store<const C: usize>(values: &Values<C>, rows: &mut [&mut [f32]]) -> bool {
-    let whole = |row: &&mut [f32]| row.as_ptr().addr() % 64 == 0 && row.len() % LINE == 0 && row.len() <= BLOCK_WIDTH;
+    let whole = |row: &&mut [f32]| {
+        row.as_ptr().addr().is_multiple_of(64) && row.len().is_multiple_of(LINE) && row.len() <= BLOCK_WIDTH
+    };
     let Ok([a, b, c, d]) = <&mut [&mut [f32]; FOUR]>::try_from(rows) else { return false };
     let alike = [&*b, &*c, &*d].iter().all(|row| row.len() == a.len());
     if C != FOUR || !alike || ![&*a, &*b, &*c, &*d].into_iter().all(whole) || !available() {

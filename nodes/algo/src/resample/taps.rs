@@ -85,7 +85,7 @@ impl<const T: usize> Taps<T> {
             let [x, y] = [u32::from(self.rest[0][i] == 0.0), u32::from(self.rest[1][i] == 0.0)];
             let outside = u32::from(beyond[0][i] | beyond[1][i] != 0);
             self.first[i] = place[1][i] * width + place[0][i];
-            self.alone[i] = outside * OUTSIDE | (x & y) * WHOLE | (u32::from(either) & (x ^ y)) * BETWEEN;
+            self.alone[i] = (outside * OUTSIDE) | ((x & y) * WHOLE) | ((u32::from(either) & (x ^ y)) * BETWEEN);
         }
         self.first[self.count..].fill(0);
         self.alone[self.count..].fill(0);
