@@ -13,6 +13,9 @@ use warploom_algo::rect::Rect;
 use warploom_algo::resample::{Edge, Filter, Map, Sampling, draw};
 use warploom_algo::view::{View, ViewMut};
 
+/// Samples in a cache line.
+const LINE: usize = 16;
+
 fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let text = |i: usize| arguments.get(i).unwrap_or_else(|| panic!("argument {} is missing", i + 1)).as_str();
@@ -43,7 +46,10 @@ fn main() {
     let views: Vec<_> = picture.chunks(width * height).map(|plane| View::packed(plane, width, height)).collect();
     let [out_width, out_height] = if arguments.len() > 13 { [whole(13), whole(14)] } else { [width, height] };
     let out_window = Rect::new(0, 0, out_width as i64, out_height as i64);
-    let mut out = vec![1.0_f32; out_width * out_height * planes];
+    // Planes start at a cache line, as those of pictures do.
+    let mut room = vec![1.0_f32; out_width * out_height * planes + LINE];
+    let start = room.as_ptr().align_offset(LINE * size_of::<f32>());
+    let out = &mut room[start..start + out_width * out_height * planes];
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a pool");
     for _ in 0..whole(11) {
         let planes = out.chunks_mut(out_width * out_height);

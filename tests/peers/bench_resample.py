@@ -1,7 +1,8 @@
 """Resampling beside OpenCV's remap and OpenImageIO's st_warp: RGBA f32, one thread, processor time, medians.
 
 Three cases: a dense map (a node per pixel corner) of a smooth warp and of a swirl of 3 rad, and the smooth warp as a
-forward lattice of 5 px cells. Prints each rate, the ratio to remap and the target. The PSNR is that of each result to an
+forward lattice of 5 px cells, beside remap through the dense inverse of the same warp. Prints each rate, the ratio to
+remap and the target. The PSNR is that of each result to an
 f64 sum with its own kernel: Keys' with a = -1/2 for ours, a = -3/4 for remap.
 Usage: bench_resample.py EXAMPLE [SIZE]      (EXAMPLE: the release build of tests/examples/resample.rs)
 """
@@ -35,7 +36,7 @@ def swirl(x, y, size):
 
 
 def lattice(size, spacing, function):
-    at = np.arange(size // spacing + 1) * float(spacing)
+    at = np.arange(-(-size // spacing) + 1) * float(spacing)
     return np.stack(np.broadcast_arrays(*function(at[None, :], at[:, None], size)))
 
 
@@ -43,6 +44,16 @@ def means(nodes):
     """The bilinear map at pixel centres, nodes at pixel corners."""
     half = 0.5 * (nodes[:, 1:] + nodes[:, :-1])
     return 0.5 * (half[:, :, 1:] + half[:, :, :-1])
+
+
+def inverse(size, function):
+    """Where the pixel centres come from if `function` says where they go; it moves its neighbours nearly alike."""
+    at = np.arange(size) + 0.5
+    targets = np.stack(np.broadcast_arrays(at[None, :], at[:, None]))
+    found = targets
+    for _ in range(30):
+        found = found + targets - np.stack(function(found[0], found[1], size))
+    return found
 
 
 def keys(t, a):
@@ -113,9 +124,9 @@ def main(example, size):
             nodes = lattice(size, spacing, function)
             direction = "backward" if spacing == 1 else "forward"
             seconds, drawn = ours(example, folder, planes, nodes, spacing, direction)
+            positions = means(nodes) if spacing == 1 else inverse(size, function)
+            peer, peer_drawn = remap(planes, positions)
             if spacing == 1:
-                positions = means(nodes)
-                peer, peer_drawn = remap(planes, positions)
                 good = psnr(drawn[:, rows], exact(planes, positions, -0.5, rows))
                 other = psnr(peer_drawn[:, rows], exact(planes, positions, -0.75, rows))
                 print(f"{name}: PSNR {good:.1f} dB, remap {other:.1f} dB, target: 20 dB more: {good - other:.1f}")

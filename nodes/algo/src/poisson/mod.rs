@@ -6,7 +6,7 @@
 
 mod direct;
 mod multigrid;
-mod simd;
+pub(crate) mod simd;
 mod sine;
 mod substitute;
 

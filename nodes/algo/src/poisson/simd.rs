@@ -15,6 +15,6 @@ impl<F: FnMut()> WithSimd for Work<F> {
 
 /// Runs `work` once, with the widest vectors there are for what is inlined into it. It must be marked
 /// `#[inline(always)]` and change something it captures: other closures are called through a shim that is not inlined.
-pub(super) fn vectorized(work: impl FnMut()) {
+pub(crate) fn vectorized(work: impl FnMut()) {
     Arch::new().dispatch(Work(work));
 }

@@ -3,12 +3,13 @@
 
 use super::ellipse::{Axes, Eight, Ellipse, LANES, LONGEST, Patch, Run, Weights, total};
 use super::filter::{CUBIC, Filter};
+use super::filtered::{Blocks, filtered};
 use super::jacobian::Jacobians;
 use super::locate::Located;
 use super::pyramid::{self, Level};
 use super::sample::{Edge, Source};
 use super::spans::Point;
-use super::{Map, not_finite, sample};
+use super::{Map, not_finite};
 use crate::rect::Rect;
 use crate::view::{View, ViewMut};
 use crate::{Interrupted, Watch};
@@ -67,14 +68,15 @@ impl<'a> Ewa<'a> {
         self.reach
     }
 
-    /// Gives each pixel of a tile its value; places as in [`sample::nearest`]. Returns how many are not finite.
-    pub fn fill(&self, at: &Located, left: usize, out: &mut [ViewMut<f32>]) -> u64 {
+    /// Gives each pixel of a tile its value; places as in [`nearest`](super::sample::nearest). Returns how many
+    /// are not finite.
+    pub fn fill(&self, at: &Located, left: usize, blocks: &mut Blocks, out: &mut [ViewMut<f32>]) -> u64 {
         let axes = self.jacobians.tile(at);
         if axes.iter().all(Axes::is_still) {
-            return sample::filtered(&CUBIC, self.clamp, &self.source, self.planes, at, left, out);
+            return filtered(&CUBIC, self.clamp, &self.source, self.planes, at, left, blocks, out);
         }
         if axes.iter().zip(&at.x).any(|(axes, x)| !x.is_nan() && axes.share() < 1.0) {
-            sample::filtered(&CUBIC, self.clamp, &self.source, self.planes, at, left, out);
+            filtered(&CUBIC, self.clamp, &self.source, self.planes, at, left, blocks, out);
         }
         let mut scratch = Scratch::default();
         for (row, axes) in axes.chunks(at.width).enumerate() {

@@ -35,34 +35,31 @@ impl Filter {
 pub(super) const FRACTION_BITS: u32 = 24;
 pub(super) const RESOLUTION: f64 = 1.0 / (1_u64 << FRACTION_BITS) as f64;
 
-/// The weights along one axis of `TAPS` pixels, in L lanes (zero in those beyond), as functions of the position's
-/// fraction t of the way from the middle pixel to the next: `at_zero + t * q(t - 1/2)`, q of D coefficients. So they
-/// are exact at t = 0, and one form serves all filters.
+/// The weights along one axis of T pixels, as functions of the position's fraction t of the way from the middle pixel
+/// to the next: `at_zero + t * q(t - 1/2)`, q of D coefficients. So they are exact at t = 0, and one form serves all
+/// filters.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Kernel<const L: usize, const D: usize> {
-    pub taps: usize,
-    pub at_zero: [f32; L],
-    pub q: [[f32; L]; D],
+pub(super) struct Kernel<const T: usize, const D: usize> {
+    pub at_zero: [f32; T],
+    pub q: [[f32; T]; D],
 }
 
 /// Cubics over four pixels.
 pub(super) type Cubics = Kernel<4, 3>;
 /// Over six pixels.
-pub(super) type Sixth = Kernel<8, 9>;
+pub(super) type Sixth = Kernel<6, 9>;
 
 pub(super) const LINEAR: Cubics =
-    Kernel { taps: 4, at_zero: [0.0, 1.0, 0.0, 0.0], q: [[0.0, -1.0, 1.0, 0.0], [0.0; 4], [0.0; 4]] };
+    Kernel { at_zero: [0.0, 1.0, 0.0, 0.0], q: [[0.0, -1.0, 1.0, 0.0], [0.0; 4], [0.0; 4]] };
 
 /// Keys 1981, equation 15.
 pub(super) const CUBIC: Cubics = Kernel {
-    taps: 4,
     at_zero: [0.0, 1.0, 0.0, 0.0],
     q: [[-0.125, -0.875, 1.125, -0.125], [0.5, -1.0, 0.5, 0.0], [-0.5, 1.5, -1.5, 0.5]],
 };
 
 /// Mitchell and Netravali 1988, equation 8.
 pub(super) const MITCHELL: Cubics = Kernel {
-    taps: 4,
     at_zero: [1.0 / 18.0, 16.0 / 18.0, 1.0 / 18.0, 0.0],
     q: [
         [-3.25 / 18.0, -12.75 / 18.0, 17.25 / 18.0, -1.25 / 18.0],
@@ -73,35 +70,40 @@ pub(super) const MITCHELL: Cubics = Kernel {
 
 /// Interpolated at nine Chebyshev nodes; 6e-7 from the definition at most.
 pub(super) const LANCZOS3: Sixth = Kernel {
-    taps: 6,
-    at_zero: [0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+    at_zero: [0.0, 0.0, 1.0, 0.0, 0.0, 0.0],
     q: [
-        [0.048913043, -0.27173913, -0.77717394, 1.2228261, -0.27173913, 0.048913043, 0.0, 0.0],
-        [-0.22567426, 0.90578884, -1.1189809, 0.22768538, 0.18116195, 0.030018939, 0.0, 0.0],
-        [0.27510306, -0.6700436, 1.2726731, -1.4206594, 0.7792102, -0.23628333, 0.0, 0.0],
-        [0.069749966, -0.34253216, 0.54451203, -0.2490123, 0.12450432, -0.14722183, 0.0, 0.0],
-        [-0.25333366, 0.45680353, -0.7469295, 0.8401191, -0.4772694, 0.18060996, 0.0, 0.0],
-        [0.023405774, 0.13155407, -0.31551215, 0.13594325, -0.09501983, 0.1196289, 0.0, 0.0],
-        [0.11008015, -0.20493266, 0.41595712, -0.48695365, 0.24821514, -0.082366094, 0.0, 0.0],
-        [0.0016411182, -0.08866532, 0.16472022, -0.059048444, 0.025553778, -0.044201348, 0.0, 0.0],
-        [-0.051561527, 0.10379536, -0.20762587, 0.23991147, -0.12464284, 0.040123403, 0.0, 0.0],
+        [0.048913043, -0.27173913, -0.77717394, 1.2228261, -0.27173913, 0.048913043],
+        [-0.22567426, 0.90578884, -1.1189809, 0.22768538, 0.18116195, 0.030018939],
+        [0.27510306, -0.6700436, 1.2726731, -1.4206594, 0.7792102, -0.23628333],
+        [0.069749966, -0.34253216, 0.54451203, -0.2490123, 0.12450432, -0.14722183],
+        [-0.25333366, 0.45680353, -0.7469295, 0.8401191, -0.4772694, 0.18060996],
+        [0.023405774, 0.13155407, -0.31551215, 0.13594325, -0.09501983, 0.1196289],
+        [0.11008015, -0.20493266, 0.41595712, -0.48695365, 0.24821514, -0.082366094],
+        [0.0016411182, -0.08866532, 0.16472022, -0.059048444, 0.025553778, -0.044201348],
+        [-0.051561527, 0.10379536, -0.20762587, 0.23991147, -0.12464284, 0.040123403],
     ],
 };
 
-impl<const L: usize, const D: usize> Kernel<L, D> {
+impl<const T: usize, const D: usize> Kernel<T, D> {
     /// Whether a whole-pixel position gives that pixel.
     pub fn interpolates(&self) -> bool {
-        self.at_zero[self.taps / 2 - 1] == 1.0
+        self.at_zero[T / 2 - 1] == 1.0
+    }
+
+    /// The weight of pixel `tap` at t.
+    #[inline(always)]
+    pub fn weight(&self, tap: usize, t: f32) -> f32 {
+        let s = t - 0.5;
+        let mut q = self.q[D - 1][tap];
+        for d in (0..D - 1).rev() {
+            q = q * s + self.q[d][tap];
+        }
+        self.at_zero[tap] + t * q
     }
 
     /// The weights at t.
-    #[inline(always)]
-    pub fn weights(&self, t: f32) -> [f32; L] {
-        let s = t - 0.5;
-        std::array::from_fn(|lane| {
-            let q = (0..D - 1).rev().fold(self.q[D - 1][lane], |q, d| q * s + self.q[d][lane]);
-            self.at_zero[lane] + t * q
-        })
+    pub fn weights(&self, t: f32) -> [f32; T] {
+        std::array::from_fn(|tap| self.weight(tap, t))
     }
 }
 
@@ -109,15 +111,15 @@ impl<const L: usize, const D: usize> Kernel<L, D> {
 mod tests {
     use super::*;
 
-    fn check<const L: usize, const D: usize>(kernel: &Kernel<L, D>, tolerance: f64, exact: impl Fn(f64) -> f64) {
+    fn check<const T: usize, const D: usize>(kernel: &Kernel<T, D>, tolerance: f64, exact: impl Fn(f64) -> f64) {
         for step in 0..1000 {
             let t = step as f32 / 1000.0;
-            let first = 1.0 - (kernel.taps / 2) as f64;
-            let at = |lane: usize| exact(f64::from(t) - first - lane as f64);
-            let sum: f64 = (0..kernel.taps).map(at).sum();
-            for (lane, weight) in kernel.weights(t).into_iter().enumerate() {
-                let expected = if lane < kernel.taps { at(lane) / sum } else { 0.0 };
-                assert!((f64::from(weight) - expected).abs() < tolerance, "{t} {lane}: {weight}, not {expected}");
+            let first = 1.0 - (T / 2) as f64;
+            let at = |tap: usize| exact(f64::from(t) - first - tap as f64);
+            let sum: f64 = (0..T).map(at).sum();
+            for (tap, weight) in kernel.weights(t).into_iter().enumerate() {
+                let expected = at(tap) / sum;
+                assert!((f64::from(weight) - expected).abs() < tolerance, "{t} {tap}: {weight}, not {expected}");
             }
         }
     }

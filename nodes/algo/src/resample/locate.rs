@@ -4,6 +4,7 @@ use super::forward::Forward;
 use super::net::{Net, Place};
 use super::{Map, spans::Point};
 use crate::lattice::Positions;
+use crate::poisson::simd::vectorized;
 use crate::rect::Rect;
 use crate::steps::Steps;
 use crate::{Interrupted, Watch};
@@ -33,10 +34,17 @@ impl Located {
         tile: &Rect,
         watch: Watch,
     ) -> Result<(), Interrupted> {
-        self.clear(tile);
+        self.corner = [tile.x0, tile.y0];
+        self.width = tile.width();
+        for values in [&mut self.x, &mut self.y] {
+            values.resize(tile.width() * tile.height(), f64::NAN);
+        }
         match locator {
-            None => {}
-            Some(Locator::Forward(forward)) => forward.tile(band, tile, self, watch)?,
+            None => self.clear(),
+            Some(Locator::Forward(forward)) => {
+                self.clear();
+                forward.tile(band, tile, self, watch)?;
+            }
             Some(Locator::Backward { net, clip }) => gather(net, clip, tile, self),
         }
         Ok(())
@@ -52,14 +60,10 @@ impl Located {
         (&self.x[pixels.clone()], &self.y[pixels])
     }
 
-    /// As many as a tile needs, nothing drawn.
-    fn clear(&mut self, tile: &Rect) {
-        self.corner = [tile.x0, tile.y0];
-        self.width = tile.width();
-        for values in [&mut self.x, &mut self.y] {
-            values.clear();
-            values.resize(tile.width() * tile.height(), f64::NAN);
-        }
+    /// Nothing is drawn.
+    fn clear(&mut self) {
+        self.x.fill(f64::NAN);
+        self.y.fill(f64::NAN);
     }
 }
 
@@ -135,38 +139,46 @@ pub(crate) fn sources(map: &Map, window: Rect, watch: Watch) -> Result<Positions
     Ok(Positions { x, y })
 }
 
+/// Rows between the one evaluated and the one fetched.
+#[cfg(target_arch = "x86_64")]
+const AHEAD: usize = 2;
+
 /// Evaluates a backward map at the tile's pixel centres.
 fn gather(net: &Net, clip: &Clip, tile: &Rect, out: &mut Located) {
     let columns: Vec<Place> = (tile.x0..tile.x1).map(|x| net.center(0, x)).collect();
     let first = columns.iter().map(|place| place.node.min(place.next)).min().unwrap_or(0);
     let end = columns.iter().map(|place| place.node.max(place.next) + 1).max().unwrap_or(0);
-    let dense = columns.iter().enumerate().all(|(i, place)| place.node == first + i && place.next == first + i + 1);
+    // One node per pixel: each stands at its node, or each between its node and the next.
+    let step = columns[0].next - columns[0].node.min(columns[0].next);
+    let dense = columns.iter().enumerate().all(|(i, place)| place.node == first + i && place.next == first + i + step);
     let steps: Vec<f64> = columns.iter().map(|place| place.t).collect();
     let mut nodes = vec![0.0; end - first];
-    let arch = pulp::Arch::new();
-    for (row, y) in (tile.y0..tile.y1).enumerate() {
-        let place = net.center(1, y);
-        let pixels = row * out.width..(row + 1) * out.width;
-        let (xs, ys) = (&mut out.x[pixels.clone()], &mut out.y[pixels]);
-        arch.dispatch(|| {
-            for (axis, out) in [&mut *xs, &mut *ys].into_iter().enumerate() {
-                blend_rows(net, axis, place, first, &mut nodes);
-                if dense {
-                    for ((out, pair), t) in out.iter_mut().zip(nodes.windows(2)).zip(&steps) {
-                        *out = pair[0] + t * (pair[1] - pair[0]);
-                    }
-                } else {
-                    for (out, place) in out.iter_mut().zip(&columns) {
-                        *out = place.blend(nodes[place.node - first], nodes[place.next - first]);
+    vectorized(
+        #[inline(always)]
+        || {
+            for (row, y) in (tile.y0..tile.y1).enumerate() {
+                let place = net.center(1, y);
+                let pixels = row * out.width..(row + 1) * out.width;
+                let (xs, ys) = (&mut out.x[pixels.clone()], &mut out.y[pixels]);
+                for (axis, out) in [&mut *xs, &mut *ys].into_iter().enumerate() {
+                    blend_rows(net, axis, place, first, &mut nodes);
+                    if dense {
+                        for (((out, here), next), t) in out.iter_mut().zip(&nodes).zip(&nodes[step..]).zip(&steps) {
+                            *out = here + t * (next - here);
+                        }
+                    } else {
+                        for (out, place) in out.iter_mut().zip(&columns) {
+                            *out = place.blend(nodes[place.node - first], nodes[place.next - first]);
+                        }
                     }
                 }
+                for (x, y) in xs.iter_mut().zip(ys.iter_mut()) {
+                    let inside = clip.holds([*x, *y]);
+                    (*x, *y) = if inside { (*x, *y) } else { (f64::NAN, f64::NAN) };
+                }
             }
-            for (x, y) in xs.iter_mut().zip(ys.iter_mut()) {
-                let inside = clip.holds([*x, *y]);
-                (*x, *y) = if inside { (*x, *y) } else { (f64::NAN, f64::NAN) };
-            }
-        });
-    }
+        },
+    );
 }
 
 /// One coordinate of the map on the line at `place`, at the columns of nodes from `first` on.
@@ -175,6 +187,10 @@ fn blend_rows(net: &Net, axis: usize, place: Place, first: usize, out: &mut [f64
     let values = [&net.positions.x, &net.positions.y][axis];
     let row = |row: usize| &values[row * net.lattice.nodes[0] + first..][..out.len()];
     let (here, next) = (row(place.node), row(place.next));
+    #[cfg(target_arch = "x86_64")]
+    if let Some(ahead) = values.get((place.next + AHEAD) * net.lattice.nodes[0] + first..) {
+        super::simd::fetch(&ahead[..out.len().min(ahead.len())]);
+    }
     for ((out, &here), &next) in out.iter_mut().zip(here).zip(next) {
         *out = place.blend(here, next);
     }

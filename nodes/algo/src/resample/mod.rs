@@ -1,8 +1,8 @@
 //! Drawing a picture through a warp.
 //!
 //! Two ideas, apart: *locate* finds the source position of each destination pixel (`locate`, `forward`), *sample*
-//! turns source positions into filtered values (`sample`). A map is a lattice with the positions of its nodes,
-//! bilinear between them; outside the lattice the border cells' bilinear patches continue.
+//! turns source positions into filtered values (`sample`, and block by block `filtered`). A map is a lattice with the
+//! positions of its nodes, bilinear between them; outside the lattice the border cells' bilinear patches continue.
 //!
 //! A forward map is drawn cell by cell: where no cell folds, every pixel centre in the image of the lattice is
 //! owned by exactly one cell, shared edges and vertices included (`spans` says how that is decided), and its source
@@ -16,11 +16,13 @@
 //! With the other edges it reaches 64 times the width plus height of the rectangle around the destination
 //! window and the lattice's border nodes: all of the destination, where the map does not shrink more than that.
 
+mod block;
 mod bounds;
 mod cell;
 mod ellipse;
 mod ewa;
 mod filter;
+mod filtered;
 mod forward;
 mod jacobian;
 mod locate;
@@ -46,6 +48,7 @@ use crate::rect::Rect;
 use crate::view::{View, ViewMut};
 use crate::{Interrupted, Watch};
 use ewa::Ewa;
+use filtered::{Blocks, filtered};
 use locate::{BAND_HEIGHT, Clip, Located, Locator, TILE_WIDTH};
 use rayon::prelude::*;
 use sample::Source;
@@ -145,18 +148,19 @@ pub fn draw(
     assert_sources(planes, source_window, out.len());
     if filter == Filter::Ewa {
         let ewa = Ewa::new(map, source, dst_window, clamp, planes, watch)?;
-        let fill = |at: &Located, left: usize, out: &mut [ViewMut<f32>]| ewa.fill(at, left, out);
+        let fill =
+            |blocks: &mut Blocks, at: &Located, left: usize, out: &mut [ViewMut<f32>]| ewa.fill(at, left, blocks, out);
         return draw_bands(map, &source, dst_window, ewa.reach(), out, watch, fill);
     }
-    let fill = |at: &Located, left: usize, out: &mut [ViewMut<f32>]| match filter {
+    let fill = |blocks: &mut Blocks, at: &Located, left: usize, out: &mut [ViewMut<f32>]| match filter {
         Filter::Nearest => {
             sample::nearest(&source, planes, at, left, out);
             not_finite(left, at.width, out)
         }
-        Filter::Linear => sample::filtered(&filter::LINEAR, clamp, &source, planes, at, left, out),
-        Filter::Cubic => sample::filtered(&filter::CUBIC, clamp, &source, planes, at, left, out),
-        Filter::Mitchell => sample::filtered(&filter::MITCHELL, clamp, &source, planes, at, left, out),
-        Filter::Lanczos3 => sample::filtered(&filter::LANCZOS3, clamp, &source, planes, at, left, out),
+        Filter::Linear => filtered(&filter::LINEAR, clamp, &source, planes, at, left, blocks, out),
+        Filter::Cubic => filtered(&filter::CUBIC, clamp, &source, planes, at, left, blocks, out),
+        Filter::Mitchell => filtered(&filter::MITCHELL, clamp, &source, planes, at, left, blocks, out),
+        Filter::Lanczos3 => filtered(&filter::LANCZOS3, clamp, &source, planes, at, left, blocks, out),
         Filter::Ewa => unreachable!("drawn above"),
     };
     draw_bands(map, &source, dst_window, filter.reach(), out, watch, fill)
@@ -195,7 +199,7 @@ pub fn draw_labels(
     watch: Watch,
 ) -> Result<u64, Interrupted> {
     let source = Source { window: source_window, edge };
-    let fill = |positions: &Located, left: usize, out: &mut [ViewMut<u32>]| {
+    let fill = |_: &mut (), positions: &Located, left: usize, out: &mut [ViewMut<u32>]| {
         sample::nearest(&source, planes, positions, left, out);
         0
     };
@@ -212,15 +216,16 @@ fn assert_sources<T>(planes: &[View<T>], window: Rect, outputs: usize) {
 /// Bytes that a thread takes for a tile: positions, and the part of the source that a block needs.
 const TILE_BYTES: usize = 1 << 20;
 
-/// Locates tile by tile, band beside band, and has `fill` write each tile and say how many samples are not finite.
-fn draw_bands<T: Send>(
+/// Locates tile by tile, band beside band, and has `fill` write each tile and say how many samples are not finite; it
+/// gets scratch space of its own from tile to tile.
+fn draw_bands<T: Send, S: Default>(
     map: &Map,
     source: &Source,
     window: Rect,
     reach: f64,
     out: Vec<ViewMut<T>>,
     watch: Watch,
-    fill: impl Fn(&Located, usize, &mut [ViewMut<T>]) -> u64 + Sync,
+    fill: impl Fn(&mut S, &Located, usize, &mut [ViewMut<T>]) -> u64 + Sync,
 ) -> Result<Drawn, Interrupted> {
     let size = (window.width(), window.height());
     assert!(out.iter().all(|out| (out.width(), out.height()) == size), "outputs are {size:?}");
@@ -233,17 +238,17 @@ fn draw_bands<T: Send>(
     let locator = (!source.window.is_empty()).then(|| Locator::new(map, window, clip, watch)).transpose()?;
     let bands = bands_of(out, window.height());
     let (count, done) = (bands.len(), AtomicUsize::new(0));
-    let drawn = bands.into_par_iter().enumerate().map(|(index, mut planes)| {
+    let bands = bands.into_par_iter().enumerate();
+    let drawn = bands.map_init(<(Located, S)>::default, |(positions, scratch), (index, mut planes)| {
         let top = window.y0 + (index * BAND_HEIGHT) as i64;
         let band = Rect { y0: top, y1: window.y1.min(top + BAND_HEIGHT as i64), ..window };
-        let mut positions = Located::default();
         let mut drawn = Drawn::default();
         for left in (0..window.width()).step_by(TILE_WIDTH) {
             let x0 = window.x0 + left as i64;
             let tile = Rect { x0, x1: window.x1.min(x0 + TILE_WIDTH as i64), ..band };
             positions.locate(locator.as_ref(), index, &tile, watch)?;
             drawn.pixels += positions.x.iter().filter(|x| !x.is_nan()).count() as u64;
-            drawn.bad += fill(&positions, left, &mut planes);
+            drawn.bad += fill(scratch, positions, left, &mut planes);
             watch.progress(done.load(Ordering::Relaxed) as f64 / count as f64)?;
         }
         done.fetch_add(1, Ordering::Relaxed);

@@ -1,9 +1,7 @@
-//! Sample: from source positions to filtered values.
+//! Sample: from source positions to samples.
 
-use super::filter::Kernel;
-use super::locate::{Located, TILE_WIDTH};
-use super::taps::{Taps, split};
-use super::weigh::Footprint;
+use super::locate::Located;
+use super::taps::split;
 use crate::rect::Rect;
 use crate::view::{View, ViewMut};
 
@@ -60,6 +58,14 @@ impl Source {
     pub fn corner(&self) -> [f64; 2] {
         [self.window.x0 as f64, self.window.y0 as f64]
     }
+
+    /// The first of the `taps` x `taps` pixels around a position, counted from the window's corner, and how far past the
+    /// middle one the position lies.
+    pub fn first_tap(&self, position: [f64; 2], taps: usize) -> ([i32; 2], [f32; 2]) {
+        let corner = self.corner();
+        let [x, y] = [0, 1].map(|axis| split(position[axis] - corner[axis] - 0.5));
+        ([x.0, y.0].map(|whole| whole - (taps as i32 / 2 - 1)), [x.1, y.1])
+    }
 }
 
 /// Gives each pixel of a tile the sample that its position lies in, zero where there is none. The tile's first column
@@ -90,81 +96,4 @@ pub(super) fn nearest<T: Copy + Default + Send>(
             }
         }
     }
-}
-
-/// Gives each pixel of a tile the value filtered with a kernel; places as in [`nearest`]. Returns how many of them are
-/// not finite.
-pub(super) fn filtered<const L: usize, const D: usize>(
-    kernel: &Kernel<L, D>,
-    clamp: bool,
-    source: &Source,
-    planes: &[View<f32>],
-    positions: &Located,
-    left: usize,
-    out: &mut [ViewMut<f32>],
-) -> u64 {
-    let (arch, mut taps, mut rest) = (pulp::Arch::new(), Taps::EMPTY, Vec::with_capacity(TILE_WIDTH));
-    let mut bad = 0;
-    for row in 0..positions.height() {
-        let (xs, ys) = positions.row(row);
-        arch.dispatch(|| taps.fill(source, [xs, ys], [kernel.taps, L], clamp));
-        for (planes, out) in planes.chunks(TOGETHER).zip(out.chunks_mut(TOGETHER)) {
-            let mut rows: Vec<_> = out.iter_mut().map(|out| &mut out.row_mut(row)[left..left + xs.len()]).collect();
-            rest.clear();
-            fast(kernel, &taps, clamp, planes, &mut rows, &mut rest);
-            bad += one_by_one(kernel, clamp, source, &taps, planes, xs, &mut rows, &rest);
-        }
-    }
-    bad
-}
-
-/// Planes that are weighed together.
-const TOGETHER: usize = 4;
-
-/// Writes what can be weighed eight pixels at a time, and lists the other pixels.
-fn fast<const L: usize, const D: usize>(
-    kernel: &Kernel<L, D>,
-    taps: &Taps,
-    clamp: bool,
-    planes: &[View<f32>],
-    rows: &mut [&mut [f32]],
-    rest: &mut Vec<usize>,
-) {
-    #[cfg(target_arch = "x86_64")]
-    if super::simd::available() {
-        let alike = planes.iter().all(|plane| plane.samples().1 == planes[0].samples().1);
-        if let (true, Ok(planes), Ok(rows)) = (alike, planes.try_into(), rows.try_into()) {
-            return super::simd::row::<L, D, TOGETHER>(kernel, taps, clamp, planes, rows, rest);
-        }
-        if let (&[plane], [row]) = (planes, &mut *rows) {
-            return super::simd::row(kernel, taps, clamp, &[plane], &mut [row], rest);
-        }
-    }
-    rest.extend(0..rows[0].len());
-}
-
-/// Writes the listed pixels of a row, and returns how many values are not finite.
-fn one_by_one<const L: usize, const D: usize>(
-    kernel: &Kernel<L, D>,
-    clamp: bool,
-    source: &Source,
-    taps: &Taps,
-    planes: &[View<f32>],
-    xs: &[f64],
-    rows: &mut [&mut [f32]],
-    pixels: &[usize],
-) -> u64 {
-    let mut bad = 0;
-    for &i in pixels {
-        if xs[i].is_nan() {
-            rows.iter_mut().for_each(|row| row[i] = 0.0);
-            continue;
-        }
-        let footprint = Footprint::new(kernel, source, taps, i);
-        for (plane, row) in planes.iter().zip(&mut *rows) {
-            row[i] = footprint.value(plane, clamp);
-            bad += u64::from(!row[i].is_finite());
-        }
-    }
-    bad
 }

@@ -1,8 +1,9 @@
-mod ewa;
-
 use super::*;
 use crate::UNWATCHED;
 use proptest::prelude::*;
+
+mod ewa;
+mod wide;
 
 const FILTERS: [Filter; 5] = [Filter::Nearest, Filter::Linear, Filter::Cubic, Filter::Lanczos3, Filter::Ewa];
 const EDGES: [Edge; 4] = [Edge::Transparent, Edge::Clamp, Edge::Mirror, Edge::Wrap];

@@ -1,86 +1,158 @@
-//! Weighing the samples of one pixel, plainly: any edge, any rule. [`simd`](super::simd) does the same sums for eight
-//! pixels at a time.
+//! Weighing the samples of a row of pixels.
 
+use super::block::{BLOCK_WIDTH, Samples};
 use super::filter::Kernel;
 use super::sample::Source;
 use super::taps::Taps;
 use crate::view::View;
 
-/// Where a pixel's samples lie, and their weights.
-pub(super) struct Footprint<const L: usize> {
-    columns: [Option<usize>; L],
-    rows: [Option<usize>; L],
-    weights: [[f32; L]; 2],
-    rest: [f32; 2],
-    interpolates: bool,
-    taps: usize,
+/// Pixels weighed together.
+const GROUP: usize = 8;
+
+/// Values of a row's pixels, each with C channels.
+pub(super) type Values<const C: usize> = [[f32; C]; BLOCK_WIDTH];
+
+/// The weighted sums of a row: down each column first, then across, in the order that [`total`] says.
+#[inline(always)]
+pub(super) fn sums<const T: usize, const C: usize>(samples: &Samples<C>, taps: &Taps<T>, values: &mut Values<C>) {
+    #[cfg(target_arch = "x86_64")]
+    if super::simd::sums(samples, taps, values) {
+        return;
+    }
+    for start in (0..taps.count).step_by(GROUP) {
+        let terms: [_; GROUP] = std::array::from_fn(|i| terms(samples, taps, start + i));
+        for (value, terms) in values[start..].iter_mut().zip(&terms) {
+            for channel in 0..C {
+                value[channel] = total::<T>(std::array::from_fn(|column| terms[column][channel]));
+            }
+        }
+    }
 }
 
-impl<const L: usize> Footprint<L> {
-    /// Of pixel `i` of a row.
-    pub fn new<const D: usize>(kernel: &Kernel<L, D>, source: &Source, taps: &Taps, i: usize) -> Self {
-        let place = |axis: usize, lane: usize| taps.first[axis][i].wrapping_add(lane as i32);
-        let rest = [taps.rest[0][i], taps.rest[1][i]];
-        Self {
-            columns: std::array::from_fn(|lane| source.column(place(0, lane))),
-            rows: std::array::from_fn(|lane| source.row(place(1, lane))),
-            weights: rest.map(|t| kernel.weights(t)),
-            rest,
-            interpolates: kernel.interpolates(),
-            taps: kernel.taps,
+/// What each column of pixel `i` gives.
+#[inline(always)]
+fn terms<const T: usize, const C: usize>(samples: &Samples<C>, taps: &Taps<T>, i: usize) -> [[f32; C]; T] {
+    let (pixels, stride) = (samples.from(taps.first[i]), samples.stride);
+    let mut terms = [[0.0; C]; T];
+    for row in 0..T {
+        let samples: &[[f32; C]; T] = pixels[row * stride..].first_chunk().expect("the samples hold the footprint");
+        for column in 0..T {
+            for channel in 0..C {
+                terms[column][channel] += taps.weights[1][row][i] * samples[column][channel];
+            }
         }
+    }
+    for column in 0..T {
+        for channel in 0..C {
+            terms[column][channel] *= taps.weights[0][column][i];
+        }
+    }
+    terms
+}
+
+/// The sum of the columns' terms: those beyond four added to the first ones, then in pairs. Never minus zero.
+#[inline(always)]
+fn total<const T: usize>(terms: [f32; T]) -> f32 {
+    let folded: [f32; 4] = std::array::from_fn(|i| (i + 4..T).step_by(4).fold(terms[i], |sum, k| sum + terms[k]));
+    (folded[0] + folded[1]) + (folded[2] + folded[3]) + 0.0
+}
+
+/// Whether some value is NaN or infinite.
+#[inline(always)]
+pub(super) fn some_not_finite<const C: usize>(values: &Values<C>) -> bool {
+    const LANES: usize = 16;
+    let mut sums = [0.0; LANES];
+    for values in values.as_flattened().as_chunks::<LANES>().0 {
+        for lane in 0..LANES {
+            // NaN if the value is not finite, else a zero.
+            sums[lane] += values[lane] * 0.0;
+        }
+    }
+    sums.iter().any(|sum| sum.is_nan())
+}
+
+/// Cuts the values to between the least and the greatest of the middle 2 x 2 taps.
+#[inline(always)]
+pub(super) fn clamp<const T: usize, const C: usize>(samples: &Samples<C>, taps: &Taps<T>, values: &mut Values<C>) {
+    let middle = T / 2 - 1;
+    for (i, value) in values.iter_mut().enumerate().take(taps.count) {
+        let (pixels, stride) = (samples.from(taps.first[i]), samples.stride);
+        let [upper, lower]: [&[[f32; C]; 2]; 2] = [middle, middle + 1]
+            .map(|row| pixels[row * stride + middle..].first_chunk().expect("the samples hold the footprint"));
+        *value = std::array::from_fn(|channel| {
+            let [a, b, c, d] = [upper[0], upper[1], lower[0], lower[1]].map(|pixel| pixel[channel]);
+            cut(value[channel], [a.min(b).min(c.min(d)), a.max(b).max(c.max(d))])
+        });
+    }
+}
+
+/// `value`, no less than `low` and no more than `high`.
+#[inline(always)]
+fn cut(value: f32, [low, high]: [f32; 2]) -> f32 {
+    let value = if value < low { low } else { value };
+    if value > high { high } else { value }
+}
+
+/// One pixel weighed alone, where samples of weight zero matter: they are not read.
+pub(super) struct Footprint<'a, const T: usize, const D: usize> {
+    kernel: &'a Kernel<T, D>,
+    source: &'a Source,
+    first: [i32; 2],
+    rest: [f32; 2],
+}
+
+impl<'a, const T: usize, const D: usize> Footprint<'a, T, D> {
+    const MIDDLE: usize = T / 2 - 1;
+
+    /// Around a position.
+    #[inline(always)]
+    pub fn new(kernel: &'a Kernel<T, D>, source: &'a Source, position: [f64; 2]) -> Self {
+        let (first, rest) = source.first_tap(position, T);
+        Self { kernel, source, first, rest }
+    }
+
+    /// The planes' values; with `clamp` no less than the least and no more than the greatest sample within 1 px.
+    #[inline(always)]
+    pub fn values<const C: usize>(&self, planes: &[View<f32>; C], clamp: bool) -> [f32; C] {
+        if self.kernel.interpolates() && self.rest == [0.0; 2] {
+            let column = self.source.column(self.first[0] + Self::MIDDLE as i32);
+            let row = self.source.row(self.first[1] + Self::MIDDLE as i32);
+            return column.zip(row).map_or([0.0; C], |(column, row)| planes.map(|plane| plane.row(row)[column]));
+        }
+        planes.map(|plane| self.weighed(&plane, clamp))
+    }
+
+    fn weighed(&self, plane: &View<f32>, clamp: bool) -> f32 {
+        let weights = self.rest.map(|t| self.kernel.weights(t));
+        let sum = self.sum(&weights, plane);
+        let value = if clamp { cut(sum, self.range(&weights, plane)) } else { sum };
+        // The sign and payload of a computed NaN depend on how the compiler orders operands; this takes them away.
+        if value.is_nan() { f32::NAN } else { value }
     }
 
     fn sample(&self, plane: &View<f32>, column: usize, row: usize) -> f32 {
-        match (self.columns[column], self.rows[row]) {
-            (Some(column), Some(row)) => plane.row(row)[column],
-            _ => 0.0,
-        }
+        let column = self.source.column(self.first[0] + column as i32);
+        let row = self.source.row(self.first[1] + row as i32);
+        column.zip(row).map_or(0.0, |(column, row)| plane.row(row)[column])
     }
 
-    /// The weighted sum of a plane's samples; with `clamp` no less than the least and no more than the greatest of
-    /// those within 1 px. Samples of weight zero are not read.
-    pub fn value(&self, plane: &View<f32>, clamp: bool) -> f32 {
-        let middle = self.taps / 2 - 1;
-        if self.interpolates && self.rest == [0.0; 2] {
-            return self.sample(plane, middle, middle);
-        }
-        let [x, y] = &self.weights;
-        let mut terms = [0.0; L];
-        for column in (0..self.taps).filter(|&column| x[column] != 0.0) {
-            let rows = (0..self.taps).filter(|&row| y[row] != 0.0);
+    fn sum(&self, [x, y]: &[[f32; T]; 2], plane: &View<f32>) -> f32 {
+        let mut terms = [0.0; T];
+        for column in (0..T).filter(|&column| x[column] != 0.0) {
+            let rows = (0..T).filter(|&row| y[row] != 0.0);
             terms[column] = x[column] * rows.fold(0.0, |sum, row| sum + y[row] * self.sample(plane, column, row));
         }
-        let mut total = total(terms);
-        if clamp {
-            let [low, high] = self.range(plane);
-            total = if total < low { low } else { total };
-            total = if total > high { high } else { total };
-        }
-        // The sign and payload of a computed NaN depend on how the compiler orders operands; this takes them away.
-        if total.is_nan() { f32::NAN } else { total }
+        total(terms)
     }
 
     /// The least and the greatest sample with weight within 1 px along both axes.
-    fn range(&self, plane: &View<f32>) -> [f32; 2] {
+    fn range(&self, weights: &[[f32; T]; 2], plane: &View<f32>) -> [f32; 2] {
         let inner = |axis: usize| {
-            let (middle, whole) = (self.taps / 2 - 1, self.rest[axis] == 0.0);
-            let first = if whole { middle - 1 } else { middle };
-            (first..middle + 2).filter(move |&tap| !whole || self.weights[axis][tap] != 0.0)
+            let whole = self.rest[axis] == 0.0;
+            let first = if whole { Self::MIDDLE - 1 } else { Self::MIDDLE };
+            (first..Self::MIDDLE + 2).filter(move |&tap| !whole || weights[axis][tap] != 0.0)
         };
-        let mut range = [f32::INFINITY, f32::NEG_INFINITY];
-        for row in inner(1) {
-            for column in inner(0) {
-                let sample = self.sample(plane, column, row);
-                range = [range[0].min(sample), range[1].max(sample)];
-            }
-        }
-        range
+        let samples = inner(1).flat_map(|row| inner(0).map(move |column| self.sample(plane, column, row)));
+        samples.fold([f32::INFINITY, f32::NEG_INFINITY], |[low, high], at| [low.min(at), high.max(at)])
     }
-}
-
-/// The sum of the columns' terms, halves first. Never minus zero.
-fn total<const L: usize>(terms: [f32; L]) -> f32 {
-    let folded: [f32; 4] = std::array::from_fn(|i| (i + 4..L).step_by(4).fold(terms[i], |sum, k| sum + terms[k]));
-    (folded[0] + folded[1]) + (folded[2] + folded[3]) + 0.0
 }

@@ -1,0 +1,186 @@
+//! Where a block of pixels finds its samples: in a copy of their part of the source with a pixel's channels side by
+//! side, or in the planes themselves.
+//!
+//! In a copy, what lies outside the source is filled in, so that weighing meets no edge. Rows of a large picture are
+//! often a power of two apart: those of a footprint then push each other out of the cache; in the copy they lie close
+//! together.
+
+use super::locate::Located;
+use super::sample::Source;
+use crate::view::View;
+use std::ops::Range;
+
+/// Most pixel columns of a block.
+pub(super) const BLOCK_WIDTH: usize = 64;
+/// Source pixels of a part per pixel drawn up to which a copy pays.
+const SPREAD: usize = 8;
+/// More than a footprint of samples that nobody reads.
+static FAR: [[f32; 1]; 64] = [[0.0]; 64];
+/// Lanes of a search for the least and the greatest.
+const LANES: usize = 32;
+
+/// A rectangle of a tile's pixels.
+#[derive(Clone, Debug)]
+pub(super) struct Pixels {
+    pub columns: Range<usize>,
+    pub rows: Range<usize>,
+}
+
+/// A rectangle of source pixels, counted from the window's corner. It may lie outside.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Part {
+    pub corner: [i32; 2],
+    pub size: [usize; 2],
+}
+
+impl Part {
+    /// The footprints of `taps` x `taps` pixels of all of `pixels` that are drawn; none if none is.
+    #[inline(always)]
+    pub fn of(source: &Source, at: &Located, pixels: &Pixels, taps: usize) -> Option<Self> {
+        let (mut low, mut high) = ([[f64::INFINITY; LANES]; 2], [[f64::NEG_INFINITY; LANES]; 2]);
+        for row in pixels.rows.clone() {
+            let (xs, ys) = at.row(row);
+            widen(&mut low[0], &mut high[0], &xs[pixels.columns.clone()]);
+            widen(&mut low[1], &mut high[1], &ys[pixels.columns.clone()]);
+        }
+        let low = low.map(|lanes| lanes.into_iter().fold(f64::INFINITY, f64::min));
+        let high = high.map(|lanes| lanes.into_iter().fold(f64::NEG_INFINITY, f64::max));
+        let first = |[x, y]: [f64; 2]| source.first_tap([x, y], taps).0;
+        (low[0] <= high[0]).then(|| {
+            let (corner, last) = (first(low), first(high));
+            Self { corner, size: [0, 1].map(|axis| (last[axis] - corner[axis]) as usize + taps) }
+        })
+    }
+
+    /// Whether a copy of it pays for drawing `pixels`: not where a map shrinks much or scatters.
+    pub fn is_dense(&self, pixels: &Pixels, taps: usize) -> bool {
+        // Around few pixels most of the part is the footprint's rim.
+        let [width, height] = [pixels.columns.len() + taps, pixels.rows.len() + taps];
+        self.size[0].saturating_mul(self.size[1]) <= SPREAD * width * height
+    }
+
+    /// What of it lies inside the source.
+    pub fn inside(&self, source: &Source) -> Self {
+        let limits = [source.window.width(), source.window.height()].map(|size| size as i64);
+        let range = |axis: usize| {
+            let start = i64::from(self.corner[axis]);
+            let end = (start + self.size[axis] as i64).clamp(0, limits[axis]);
+            start.clamp(0, end)..end
+        };
+        let ranges = [range(0), range(1)];
+        let corner = [ranges[0].start as i32, ranges[1].start as i32];
+        Self { corner, size: ranges.map(|range| (range.end - range.start) as usize) }
+    }
+
+    /// Has the memory bring one of `shares` parts of it nearer. It must lie inside the planes.
+    #[inline(always)]
+    pub fn fetch<const C: usize>(&self, planes: &[View<f32>; C], share: usize, shares: usize) {
+        let [x, y] = self.corner.map(|corner| corner as usize);
+        let [width, height] = self.size;
+        for row in y + height * share / shares..y + height * (share + 1) / shares {
+            for plane in planes {
+                #[cfg(target_arch = "x86_64")]
+                super::simd::fetch_far(&plane.row(row)[x..x + width]);
+                #[cfg(not(target_arch = "x86_64"))]
+                let _ = (plane, x, width);
+            }
+        }
+    }
+}
+
+/// Lowers and raises limits to hold some values; NaN does nothing.
+#[inline(always)]
+fn widen(low: &mut [f64; LANES], high: &mut [f64; LANES], values: &[f64]) {
+    let (chunks, rest) = values.as_chunks::<LANES>();
+    for chunk in chunks {
+        for i in 0..LANES {
+            low[i] = if chunk[i] < low[i] { chunk[i] } else { low[i] };
+            high[i] = if chunk[i] > high[i] { chunk[i] } else { high[i] };
+        }
+    }
+    for &value in rest {
+        low[0] = if value < low[0] { value } else { low[0] };
+        high[0] = if value > high[0] { value } else { high[0] };
+    }
+}
+
+/// The samples of a part of C planes, a pixel's channels side by side.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Samples<'a, const C: usize> {
+    pub part: Part,
+    pub planes: [View<'a, f32>; C],
+    pixels: &'a [[f32; C]],
+    /// Pixels from a row to the next.
+    pub stride: usize,
+}
+
+impl<'a, const C: usize> Samples<'a, C> {
+    /// From pixel number `first` on.
+    #[inline(always)]
+    pub fn from(&self, first: u32) -> &'a [[f32; C]] {
+        &self.pixels[first as usize..]
+    }
+}
+
+impl<'a> Samples<'a, 1> {
+    /// The plane itself, what of a part lies in it. If that does not hold a footprint, samples far from the part.
+    pub fn of_plane(plane: View<'a, f32>, source: &Source, part: &Part, taps: usize) -> Self {
+        let mut part = part.inside(source);
+        let (samples, stride) = plane.samples();
+        // Pixels have numbers of 32 bits.
+        part.size[1] = part.size[1].min(u32::MAX as usize / stride.max(1));
+        if part.size[0] < taps || part.size[1] < taps {
+            let part = Part { corner: [i32::MIN / 2; 2], size: [taps; 2] };
+            return Self { part, planes: [plane], pixels: &FAR, stride: taps };
+        }
+        let first = part.corner[1] as usize * stride + part.corner[0] as usize;
+        Self { part, planes: [plane], pixels: samples[first..].as_chunks().0, stride }
+    }
+}
+
+/// Room for a copy of a part of C planes.
+#[derive(Debug, Default)]
+pub(super) struct Block<const C: usize> {
+    pixels: Vec<[f32; C]>,
+}
+
+impl<const C: usize> Block<C> {
+    /// Copies a part.
+    #[inline(always)]
+    pub fn load<'a>(&'a mut self, source: &Source, planes: [View<'a, f32>; C], part: Part) -> Samples<'a, C> {
+        let ([width, height], within) = (part.size, part.inside(source));
+        if self.pixels.len() < width * height {
+            self.pixels.resize(width * height, [0.0; C]);
+        }
+        let start = if within.size[0] > 0 { (within.corner[0] - part.corner[0]) as usize } else { width };
+        let inside = start..start + within.size[0];
+        for (y, line) in self.pixels.chunks_exact_mut(width).take(height).enumerate() {
+            let Some(row) = source.row(part.corner[1] + y as i32) else {
+                line.fill([0.0; C]);
+                continue;
+            };
+            let rows = planes.map(|plane| plane.row(row));
+            for x in (0..inside.start).chain(inside.end..width) {
+                let column = source.column(part.corner[0] + x as i32);
+                line[x] = column.map_or([0.0; C], |column| rows.map(|row| row[column]));
+            }
+            if !inside.is_empty() {
+                let from = within.corner[0] as usize;
+                interleave(rows.map(|row| &row[from..from + inside.len()]), &mut line[inside.clone()]);
+            }
+        }
+        Samples { part, planes, pixels: &self.pixels, stride: width }
+    }
+}
+
+#[inline(always)]
+fn interleave<const C: usize>(rows: [&[f32]; C], line: &mut [[f32; C]]) {
+    let rows = rows.map(|row| &row[..line.len()]);
+    #[cfg(target_arch = "x86_64")]
+    let done = super::simd::interleave(rows, line);
+    #[cfg(not(target_arch = "x86_64"))]
+    let done = 0;
+    for (x, pixel) in line.iter_mut().enumerate().skip(done) {
+        *pixel = std::array::from_fn(|channel| rows[channel][x]);
+    }
+}

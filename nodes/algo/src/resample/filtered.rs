@@ -1,0 +1,204 @@
+//! Filtered values of a tile's pixels, block by block.
+
+use super::block::{BLOCK_WIDTH, Block, Part, Pixels, Samples};
+use super::filter::Kernel;
+use super::locate::Located;
+use super::sample::Source;
+use super::taps::{Taps, WHOLE};
+use super::weigh::{self, Footprint, Values};
+use crate::poisson::simd::vectorized;
+use crate::view::{View, ViewMut};
+
+/// Planes that are weighed together.
+const TOGETHER: usize = 4;
+
+/// Room for the copies of parts of the source.
+#[derive(Debug, Default)]
+pub(super) struct Blocks {
+    together: Block<TOGETHER>,
+    alone: Block<1>,
+}
+
+/// Gives each pixel of a tile the value filtered with a kernel; places as in [`nearest`](super::sample::nearest). Returns
+/// how many of the values are not finite.
+pub(super) fn filtered<const T: usize, const D: usize>(
+    kernel: &Kernel<T, D>,
+    clamp: bool,
+    source: &Source,
+    planes: &[View<f32>],
+    positions: &Located,
+    left: usize,
+    blocks: &mut Blocks,
+    out: &mut [ViewMut<f32>],
+) -> u64 {
+    let mut painter = Painter { kernel, clamp, source, positions, left, taps: Taps::EMPTY };
+    let (width, rows) = (positions.width, 0..positions.height());
+    let columns = (0..width).step_by(BLOCK_WIDTH).map(|start| start..width.min(start + BLOCK_WIDTH));
+    let pixels: Vec<_> = columns.map(|columns| Pixels { columns, rows: rows.clone() }).collect();
+    let (mut parts, mut bad) = (vec![None; pixels.len()], 0);
+    vectorized(
+        #[inline(always)]
+        || {
+            for (part, pixels) in parts.iter_mut().zip(&pixels) {
+                *part = Part::of(source, positions, pixels, T);
+            }
+        },
+    );
+    for (i, pixels) in pixels.iter().enumerate() {
+        // The next block's samples are fetched while this one is drawn.
+        let next = parts.get(i + 1).copied().flatten().filter(|part| part.is_dense(pixels, T));
+        let next = next.map(|part| part.inside(source));
+        vectorized(
+            #[inline(always)]
+            || bad += painter.block(planes, pixels, [parts[i], next], blocks, out),
+        );
+    }
+    #[cfg(target_arch = "x86_64")]
+    super::simd::finish_stores();
+    bad
+}
+
+struct Painter<'a, const T: usize, const D: usize> {
+    kernel: &'a Kernel<T, D>,
+    clamp: bool,
+    source: &'a Source,
+    positions: &'a Located,
+    left: usize,
+    taps: Taps<T>,
+}
+
+impl<const T: usize, const D: usize> Painter<'_, T, D> {
+    /// Draws a block from its part of the source, if there is one, and fetches the next one's. Returns how many values
+    /// are not finite.
+    #[inline(always)]
+    fn block(
+        &mut self,
+        planes: &[View<f32>],
+        pixels: &Pixels,
+        [part, next]: [Option<Part>; 2],
+        blocks: &mut Blocks,
+        out: &mut [ViewMut<f32>],
+    ) -> u64 {
+        let Some(part) = part else {
+            let columns = self.columns(pixels);
+            for out in out {
+                pixels.rows.clone().for_each(|row| out.row_mut(row)[columns.clone()].fill(0.0));
+            }
+            return 0;
+        };
+        let dense = part.is_dense(pixels, T);
+        let mut bad = 0;
+        for (planes, out) in planes.chunks(TOGETHER).zip(out.chunks_mut(TOGETHER)) {
+            if dense && planes.len() > 1 {
+                // Where there are fewer, the last one fills up.
+                let planes = std::array::from_fn(|i| planes[i.min(planes.len() - 1)]);
+                let samples = blocks.together.load(self.source, planes, part);
+                bad += self.rows(&samples, next.as_ref(), pixels, out);
+                continue;
+            }
+            for (&plane, out) in planes.iter().zip(out.chunks_mut(1)) {
+                let samples = if dense && part.inside(self.source) != part {
+                    blocks.alone.load(self.source, [plane], part)
+                } else {
+                    Samples::of_plane(plane, self.source, &part, T)
+                };
+                bad += self.rows(&samples, next.as_ref(), pixels, out);
+            }
+        }
+        bad
+    }
+
+    /// The columns of `pixels` in the output.
+    fn columns(&self, pixels: &Pixels) -> std::ops::Range<usize> {
+        self.left + pixels.columns.start..self.left + pixels.columns.end
+    }
+
+    #[inline(always)]
+    fn rows<const C: usize>(
+        &mut self,
+        samples: &Samples<C>,
+        next: Option<&Part>,
+        pixels: &Pixels,
+        out: &mut [ViewMut<f32>],
+    ) -> u64 {
+        let mut bad = 0;
+        // Iterators' closures are not always compiled for the vectors at hand.
+        for row in pixels.rows.clone() {
+            if let Some(next) = next {
+                next.fetch(&samples.planes, row, pixels.rows.len());
+            }
+            bad += self.row(row, samples, pixels, out);
+        }
+        bad
+    }
+
+    #[inline(always)]
+    fn row<const C: usize>(
+        &mut self,
+        row: usize,
+        samples: &Samples<C>,
+        pixels: &Pixels,
+        out: &mut [ViewMut<f32>],
+    ) -> u64 {
+        let (xs, ys) = self.positions.row(row);
+        let at = [&xs[pixels.columns.clone()], &ys[pixels.columns.clone()]];
+        self.taps.fill(self.kernel, self.clamp, self.source, at, samples);
+        let mut values = [[0.0; C]; BLOCK_WIDTH];
+        weigh::sums(samples, &self.taps, &mut values);
+        let wild = weigh::some_not_finite(&values);
+        if self.clamp {
+            weigh::clamp(samples, &self.taps, &mut values);
+        }
+        let bad = if wild | self.taps.some_alone() { self.mend(samples, at, out.len(), &mut values) } else { 0 };
+        let columns = self.columns(pixels);
+        let count = out.len();
+        let mut rows: [&mut [f32]; C] = std::array::from_fn(|_| Default::default());
+        for (to, out) in rows.iter_mut().zip(out) {
+            *to = &mut out.row_mut(row)[columns.clone()];
+        }
+        store(&values, &mut rows[..count]);
+        bad
+    }
+
+    /// Weighs pixels of a row alone: those that must be, and those where a value is not finite, since there zero weights
+    /// matter. Returns how many of the first `count` channels' values are not finite.
+    #[cold]
+    #[inline(never)]
+    fn mend<const C: usize>(
+        &self,
+        samples: &Samples<C>,
+        [xs, ys]: [&[f64]; 2],
+        count: usize,
+        values: &mut Values<C>,
+    ) -> u64 {
+        let mut bad = 0;
+        for (i, value) in values.iter_mut().enumerate().take(xs.len()) {
+            if xs[i].is_nan() {
+                *value = [0.0; C];
+                continue;
+            }
+            if self.taps.alone[i] == WHOLE && self.kernel.interpolates() {
+                *value = samples.from(self.taps.first[i])[(T / 2 - 1) * (samples.stride + 1)];
+            } else if self.taps.alone[i] != 0 || value.iter().any(|value| !value.is_finite()) {
+                let footprint = Footprint::new(self.kernel, self.source, [xs[i], ys[i]]);
+                *value = footprint.values(&samples.planes, self.clamp);
+            }
+            bad += value[..count].iter().filter(|value| !value.is_finite()).count() as u64;
+        }
+        bad
+    }
+}
+
+/// Writes the values' channels to a row of each plane.
+#[inline(always)]
+fn store<const C: usize>(values: &Values<C>, rows: &mut [&mut [f32]]) {
+    #[cfg(target_arch = "x86_64")]
+    if super::simd::store(values, rows) {
+        return;
+    }
+    for (channel, row) in rows.iter_mut().enumerate() {
+        for (sample, value) in row.iter_mut().zip(values) {
+            *sample = value[channel];
+        }
+    }
+}
