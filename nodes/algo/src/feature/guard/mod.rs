@@ -61,7 +61,8 @@ pub enum How {
         /// Steps of Newton's method on the lattice itself, those that looked for a start included.
         steps: usize,
     },
-    /// Not at all: features were not to bend, and no size that was tried helped. The literal solution.
+    /// Not at all: nothing that was to be tried reached the floor, or made fewer cells fold without making the worst
+    /// worse. The literal solution.
     Kept,
 }
 
@@ -112,9 +113,10 @@ pub struct Verdict {
     pub floor: f64,
     /// `min_jacobian` reaches the floor.
     pub reached: bool,
-    /// The boundary runs the other way round: everything is mirrored, and judged in a mirror.
+    /// The boundary runs the other way round: everything is judged in a mirror, where the floor was reached or the
+    /// literal solution folds less.
     pub mirrored: bool,
-    /// What was done; in vain where the floor was not reached.
+    /// What was done; not enough where the floor was not reached.
     pub how: How,
     /// Cells that fold.
     pub folds: usize,
@@ -146,8 +148,10 @@ const HALVINGS: usize = 4;
 ///   convex polygon, strictly convex at the four corners of the lattice (Tutte; nodes along its sides may be collinear).
 ///
 /// Otherwise it is attempted: corners are lifted from below by the same barrier, its level rising with the lowest.
-/// What comes out is reported with the obstacles known; that there is no warp without folds is never concluded from a
-/// failure. A base whose boundary runs the other way round is repaired in a mirror.
+/// Where that fails, the literal solution is kept unless fewer cells of the repaired one fold and its least Jacobian is
+/// no lower. What comes out is reported with the obstacles known; that there is no warp without folds is never concluded
+/// from a failure. A base whose boundary runs the other way round is repaired in a mirror; judged there too, unless the
+/// repair fails and the literal solution folds no less there.
 ///
 /// * `functional`: what the literal solution minimises. The base must be finite.
 /// * `literal`: its minimiser, finite, one position per node. Returned bit for bit if it reaches the floor.
@@ -207,8 +211,15 @@ pub fn guard(
     let upright = Functional { fluxes: &fluxes, base: &base, freedom: &freedom, ..*functional };
     let solve = |factor: f64| solve(factor).map(|positions| in_mirror(&positions));
     let found = guard_upright(&upright, &in_mirror(literal), fit, may_bend, &solve, watch)?;
-    let verdict = Verdict { mirrored: true, ..found.verdict };
-    Ok(Guarded { positions: in_mirror(&found.positions), verdict })
+    let folds = certify(functional.lattice, literal, watch)?.folds;
+    if found.verdict.reached || found.verdict.literal_folds < folds {
+        let verdict = Verdict { mirrored: true, ..found.verdict };
+        return Ok(Guarded { positions: in_mirror(&found.positions), verdict });
+    }
+    // The mirror shows nothing better.
+    let shape = Shape::new(functional.lattice, functional.freedom);
+    let judge = Judge { shape: &shape, floor: found.verdict.floor, single: false };
+    functional.report(&judge, literal.clone(), literal, How::Kept, watch)
 }
 
 fn guard_upright(
@@ -246,7 +257,13 @@ fn guard_upright(
     }
     let (positions, steps) =
         Bend { functional, shape: &shape, literal, floor }.bend(start, &mut room, &Span::new(watch, SHRUNK, 1.0))?;
-    report(positions, How::Bent { steps })
+    let bent = report(positions, How::Bent { steps })?;
+    if bent.verdict.reached {
+        return Ok(bent);
+    }
+    let kept = report(literal.clone(), How::Kept)?;
+    let is_better = bent.verdict.folds < kept.verdict.folds && bent.verdict.min_jacobian >= kept.verdict.min_jacobian;
+    Ok(if is_better { bent } else { kept })
 }
 
 /// The largest factor on all scales that bisection finds to reach the floor.
