@@ -13,6 +13,11 @@ const STAGE: &str = r#"
     "factor": FeatureFactor(grid: "grid", features: "parts"),
     "far": Affine(grid: "grid", translate: (2e9, 0.0)), "long": Stretch(grid: "grid", x: 1e4),
     "flat": Stretch(grid: "grid", x: 0.0), "handles": HandleFactor(grid: "grid"),
+    "kept": FeatureFactor(grid: "grid", features: "parts", exact: Rigid),
+    "left": Polygon(domain: "plate", points: [(5.0, 5.0), (14.0, 5.0), (14.0, 25.0), (5.0, 25.0)]),
+    "right": Polygon(domain: "plate", points: [(16.0, 5.0), (25.0, 5.0), (25.0, 25.0), (16.0, 25.0)]),
+    "both": Combine(masks: ["left", "right"]), "pair": Components(mask: "both"),
+    "joined": FeatureFactor(grid: "grid", features: "pair", exact: Rigid),
     "back": Invert(warp: "warp", gives: OtherWay, grid: "grid"),
 "#;
 
@@ -44,6 +49,30 @@ fn refusals_have_values_and_a_mend() {
             Some("warp"),
             "the warp says where pixels come from, not where they go".into(),
             "turn it round with Invert(gives: OtherWay)",
+        ),
+        (
+            r#"FeatureFactor(grid: "grid", features: "parts", boundary: Free)"#,
+            None,
+            "features cover the whole border, and nothing holds the picture".into(),
+            "use boundary: Slide, or widen the picture's border with Lattice(overscan: ..)",
+        ),
+        (
+            r#"FeatureWarp(warp: "warp", factor: "kept", on_conflict: KeepShape)"#,
+            None,
+            "features cover the whole border, and nothing holds the picture".into(),
+            "use on_conflict: NoFold, or widen the picture's border with Lattice(overscan: ..)",
+        ),
+        (
+            r#"FeatureWarp(warp: "warp", factor: "kept", overrides: [(label: 99, scale: Some(2.0))])"#,
+            Some("overrides"),
+            "there is no feature with the label 99; the one feature has the label 1".into(),
+            "override labels that are there",
+        ),
+        (
+            r#"FeatureWarp(warp: "warp", factor: "joined", overrides: [(label: 1, scale: Some(2.0)), (label: 2, scale: Some(0.5))])"#,
+            Some("overrides"),
+            "labels 1 and 2 touch and are one; their overrides differ: scale 2 and 0.5".into(),
+            "give both one override, or leave a cell between them",
         ),
         (
             r#"Perspective(grid: "grid", top_left: (20.0, 15.0))"#,

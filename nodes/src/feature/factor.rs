@@ -39,7 +39,7 @@ pub struct FeatureFactor {
     /// What the lattice's border does where it meets a feature; elsewhere it stays where the warp puts it.
     pub boundary: Boundary,
     /// Whether features keep their shape exactly, not only as far as their weight goes. Features that touch are then
-    /// one.
+    /// one, and cannot differ in what FeatureWarp overrides.
     pub exact: Exact,
     /// Features with a weight of their own.
     pub overrides: Vec<WeightOverride>,
@@ -84,8 +84,11 @@ pub struct WeightOverride {
     pub weight: f64,
 }
 
+/// What to do where nothing holds the picture.
+const MEND: &str = "use boundary: Slide, or widen the picture's border with Lattice(overscan: ..)";
+
 impl Node for FeatureFactor {
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
     const OUTPUTS: &'static [Output] = &[Output::new("factor", Kind::Factor)];
     const CPU_FAMILY: bool = true;
 
@@ -189,7 +192,7 @@ impl FeatureFactor {
         let at_work = watch(cx);
         let system = feature::setup(&structure, &at_work).map(|system| (system, start.elapsed()));
         let factor = system.and_then(|(system, setup)| Ok((feature::factor(system, &at_work)?, setup)));
-        factor.map_err(|error| super::refusal(error, grid, at_work))
+        factor.map_err(|error| super::refusal(error, MEND, grid, at_work))
     }
 
     fn summary(&self, unknowns: usize, feature_cells: usize) -> serde_json::Value {

@@ -25,7 +25,7 @@ fn check_labels(wanted: impl Iterator<Item = u32>, known: &[u32]) -> Result<(), 
     let wanted: Vec<u32> = wanted.collect();
     for (number, label) in wanted.iter().enumerate() {
         if known.binary_search(label).is_err() {
-            let message = format!("there is no feature with the label {label}; there are {}", listed(known));
+            let message = format!("there is no feature with the label {label}; {}", listed(known));
             return Err(NodeError::refused(message).at("overrides").hint("override labels that are there"));
         }
         if wanted[..number].contains(label) {
@@ -36,26 +36,42 @@ fn check_labels(wanted: impl Iterator<Item = u32>, known: &[u32]) -> Result<(), 
     Ok(())
 }
 
-/// Labels in words, the first of them if there are many.
+/// The labels of all features in words, rising; the first of them if there are many.
 fn listed(labels: &[u32]) -> String {
     const SHOWN: usize = 20;
-    let names: Vec<String> = labels.iter().take(SHOWN).map(u32::to_string).collect();
-    match labels.len() {
-        0 => "none".into(),
-        count if count > SHOWN => format!("{count}, the first {}", names.join(", ")),
-        _ => names.join(", "),
+    let named = |labels: &[u32]| labels.iter().map(u32::to_string).collect::<Vec<_>>().join(", ");
+    match labels {
+        [] => "there are none".into(),
+        [only] => format!("the one feature has the label {only}"),
+        [first, .., last] if labels.len() > 2 && (last - first) as usize + 1 == labels.len() => {
+            format!("the features have the labels {first} to {last}")
+        }
+        many if many.len() > SHOWN => {
+            format!("the {} features have the labels {}, ..", many.len(), named(&many[..SHOWN]))
+        }
+        [others @ .., last] => format!("the features have the labels {} and {last}", named(others)),
     }
 }
 
-fn refusal(error: feature::Error, grid: &Grid, at_work: AtWork) -> NodeError {
+/// What keeps a feature-aware warp from being made; `mend` says what to do where nothing holds the picture.
+fn refusal(error: feature::Error, mend: &str, grid: &Grid, at_work: AtWork) -> NodeError {
     use poisson::Error as Solver;
     match error {
         feature::Error::NotFinite { column, row } => {
             let message = format!("the warp's node at column {column}, row {row} is not finite");
             NodeError::refused(message).at("warp").hint("look at what feeds it; all positions must be numbers")
         }
-        feature::Error::NoPins => NodeError::refused("features cover the whole border, and nothing holds the picture")
-            .hint("use boundary: Pin in the factor and on_conflict: NoFold in the warp, or a smaller feature"),
+        feature::Error::NoPins => {
+            NodeError::refused("features cover the whole border, and nothing holds the picture").hint(mend)
+        }
+        feature::Error::Contradiction { labels: [first, second], scales } => {
+            let [one, other] = scales.map(|scale| scale.map_or("the warp's".into(), |scale| scale.to_string()));
+            NodeError::refused(format!(
+                "labels {first} and {second} touch and are one; their overrides differ: scale {one} and {other}"
+            ))
+            .at("overrides")
+            .hint("give both one override, or leave a cell between them")
+        }
         feature::Error::Poisson(Solver::Interrupted) => at_work.error(Interrupted),
         feature::Error::Poisson(Solver::TooLarge | Solver::OutOfMemory) => too_large(grid),
         feature::Error::Poisson(Solver::NotPositiveDefinite) => {
@@ -66,5 +82,26 @@ fn refusal(error: feature::Error, grid: &Grid, at_work: AtWork) -> NodeError {
                 format!("in double precision the solution keeps a relative residual of {residual:e}, too large");
             NodeError::refused(message).hint("use a smaller weight")
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::listed;
+
+    #[test]
+    fn labels_are_told_in_words() {
+        for (labels, words) in [
+            (vec![], "there are none"),
+            (vec![3], "the one feature has the label 3"),
+            (vec![1, 2], "the features have the labels 1 and 2"),
+            ((1..8).collect(), "the features have the labels 1 to 7"),
+            (vec![1, 3, 9], "the features have the labels 1, 3 and 9"),
+        ] {
+            assert_eq!(listed(&labels), words);
+        }
+        let odd: Vec<u32> = (0..30).map(|index| 2 * index + 1).collect();
+        assert!(listed(&odd).starts_with("the 30 features have the labels 1, 3, 5,"), "{}", listed(&odd));
+        assert!(listed(&odd).ends_with("37, 39, .."), "{}", listed(&odd));
     }
 }

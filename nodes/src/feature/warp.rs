@@ -25,7 +25,7 @@ pub struct FeatureWarp {
     pub factor: In<Factor>,
     /// What a feature may do.
     pub mode: Mode,
-    /// Features that may do something else.
+    /// Features that may do something else. Exact ones that touch must be given the same.
     pub overrides: Vec<ModeOverride>,
     /// Whether the cells around a feature are asked for less and less of what the feature does. Without it only their
     /// weight falls.
@@ -45,7 +45,8 @@ pub struct FeatureWarp {
 /// What a feature may do.
 #[derive(Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub enum Mode {
-    /// Turn, and take one scale from the warp: where it stretches, the smaller of the two; at least 0.001.
+    /// Turn, and take one scale from the warp: where it stretches, the smaller of the two. A scale below 0.001 becomes
+    /// 0.001: there the feature comes out larger than in the warp, even if the warp keeps its shape.
     #[default]
     Similarity,
     /// Turn, and keep its size.
@@ -67,7 +68,8 @@ pub enum OnConflict {
 #[derive(Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub enum Guard {
     /// No: a warp that folds is repaired, for certain where the one to rectify does not fold and features may bend
-    /// (exact ones may not with `KeepShape`); else `guard.reached` in the stats is false.
+    /// (exact ones may not with `KeepShape`). Where no repair succeeds `guard.reached` in the stats is false, and the
+    /// warp that folds is kept unless a repair leaves fewer folds and none worse.
     #[default]
     Certified,
     /// Yes; folds are counted.
@@ -100,12 +102,15 @@ pub struct ModeOverride {
     pub scale: Option<f64>,
 }
 
+/// What to do where nothing holds the picture.
+const MEND: &str = "use on_conflict: NoFold, or widen the picture's border with Lattice(overscan: ..)";
+
 /// Bytes per lattice node beside the warp's positions and the solve: fluxes, the result, what is held still, and how
 /// each node may move.
 const BYTES_PER_NODE: u128 = 104;
 
 impl Node for FeatureWarp {
-    const VERSION: u32 = 3;
+    const VERSION: u32 = 4;
     const OUTPUTS: &'static [Output] = &[Output::new("warp", Kind::Warp), Output::new("components", Kind::Text)];
     const CPU_FAMILY: bool = true;
 
@@ -129,7 +134,7 @@ impl Node for FeatureWarp {
         let at_work = watch(cx);
         let prepared = feature::rhs(solver, &input, &targets, &at_work).map(|rhs| (rhs, start.elapsed()));
         let solved = prepared.and_then(|(rhs, prepared)| Ok((self.solve(&rhs, tolerance, &at_work)?, prepared)));
-        let ((solved, guarded), prepared) = solved.map_err(|error| super::refusal(error, &warp.grid, at_work))?;
+        let ((solved, guarded), prepared) = solved.map_err(|error| super::refusal(error, MEND, &warp.grid, at_work))?;
         let seconds = start.elapsed();
         let rows = serde_json::Value::Array(solved.features.iter().map(super::report::component).collect());
         let verdict = guarded.as_ref().map(|verdict| super::report::guarded(verdict, &warp.grid, &solved.positions));

@@ -21,8 +21,8 @@ const SOLVED: f64 = 0.2;
 ///
 /// A warp that folds is repaired without features too: nothing can shrink then, so it is bent.
 /// Exact features that fold give up their shape with `NoFold`, as little as the functional allows. With `KeepShape`
-/// they never bend: they shrink, if that is wanted and helps, or the folds stay and are reported. `residual` is that
-/// of the literal solution. The cost is that of [`guard`].
+/// they never bend: they shrink, if that is wanted and helps, or the folds stay and are reported. They stay too where no
+/// repair helps. `residual` is that of the literal solution. The cost is that of [`guard`].
 pub fn solve_certified(asked: &Rhs, fit: Fit, tolerance: f64, watch: Watch) -> Result<(FeatureWarp, Verdict), Error> {
     let Rhs { factor, warp, targets, .. } = *asked;
     let literal = solve(asked, tolerance, &Span::new(watch, 0.0, SOLVED))?;
@@ -51,7 +51,7 @@ mod tests {
     use super::super::{Boundary, Exact, FeatureCells, FeatureFactor, Mode, Structure, factor, setup};
     use super::*;
     use crate::lattice::{Lattice, Positions};
-    use crate::warp::certify;
+    use crate::warp::{arc, certify, swirl};
     use crate::{Interrupted, UNWATCHED, Watcher};
     use std::sync::Mutex;
     use std::sync::atomic::{AtomicUsize, Ordering};
@@ -65,12 +65,13 @@ mod tests {
             (16..27, 6..18) => 2,
             _ => 0,
         });
-        factored(FeatureCells { labels: labels.collect(), mixed: 0, outside: 0 }, exact, watch)
+        factored(&LATTICE, labels.collect(), exact, watch)
     }
 
-    fn factored(cells: FeatureCells, exact: Exact, watch: Watch) -> FeatureFactor {
+    fn factored(lattice: &Lattice, labels: Vec<u32>, exact: Exact, watch: Watch) -> FeatureFactor {
+        let cells = FeatureCells { labels, mixed: 0, outside: 0 };
         let structure = Structure {
-            lattice: &LATTICE,
+            lattice,
             cells: &cells,
             weight: 10.0,
             weights: &[],
@@ -175,7 +176,7 @@ mod tests {
     /// Without features the warp that folds is bent straight away: nothing can shrink.
     #[test]
     fn nothing_shrinks_where_there_are_no_features() {
-        let factor = factored(FeatureCells { labels: vec![0; 30 * 24], mixed: 0, outside: 0 }, Exact::Off, UNWATCHED);
+        let factor = factored(&LATTICE, vec![0; 30 * 24], Exact::Off, UNWATCHED);
         let mut warp = squeezed();
         warp.x[200] += 9.0;
         let asked = rhs(&factor, &warp, &Targets::default(), UNWATCHED).expect("asked");
@@ -190,6 +191,30 @@ mod tests {
             asks.into_inner()
         });
         assert_eq!(shrunk, bent, "looks at the watch");
+    }
+
+    /// What no repair mends is not made worse, with and without features.
+    #[test]
+    fn repairs_that_fail_do_no_harm() {
+        let lattice = Lattice { nodes: [17, 13], ..LATTICE };
+        let swirled = swirl(&lattice, 3600.0, 30.0, lattice.center(), UNWATCHED).expect("nobody stops it");
+        let around = arc(&lattice, -360.0, UNWATCHED).expect("nobody stops it");
+        let block = (0..16 * 12).map(|cell| u32::from((5..11).contains(&(cell % 16)) && (4..8).contains(&(cell / 16))));
+        for labels in [block.collect(), vec![0; 16 * 12]] {
+            let factor = factored(&lattice, labels, Exact::Off, UNWATCHED);
+            for warp in [&swirled, &around] {
+                let asked = rhs(&factor, warp, &Targets::default(), UNWATCHED).expect("asked");
+                let literal = solve(&asked, 1e-6, UNWATCHED).expect("solved");
+                let (certified, guarded) = solve_certified(&asked, Fit::Shrink, 1e-6, UNWATCHED).expect("solved");
+                let [before, after] = [&literal, &certified]
+                    .map(|warp| certify(&lattice, &warp.positions, UNWATCHED).expect("nobody stops it"));
+                assert!(!guarded.reached && before.folds > 0, "{guarded:?}");
+                assert!(after.folds <= before.folds && after.min_jacobian >= before.min_jacobian, "{guarded:?}");
+                let is_kept = guarded.how == How::Kept;
+                assert_eq!((is_kept, after.folds == before.folds), (certified == literal, is_kept), "{guarded:?}");
+                assert!(!is_kept || (!guarded.mirrored && guarded.literal_folds == before.folds), "{guarded:?}");
+            }
+        }
     }
 
     #[test]

@@ -51,6 +51,13 @@ pub enum Error {
     },
     /// No node is left where the warp puts it, so nothing says where the picture goes.
     NoPins,
+    /// Exact features that share nodes, and so are one, want several scales.
+    Contradiction {
+        /// Labels of two of them, rising.
+        labels: [u32; 2],
+        /// What they want; none takes the warp's scale.
+        scales: [Option<f64>; 2],
+    },
     /// The system was not factored or not solved.
     Poisson(poisson::Error),
 }

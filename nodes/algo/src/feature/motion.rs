@@ -5,7 +5,7 @@
 //! matrix that of the extensions' mutual energies, which knows no warp. What a warp adds is which sizes go together
 //! (those of a similarity, or of a direction), and a force on every motion.
 
-use super::rhs::{Guide, OnConflict, Rhs};
+use super::rhs::{Guide, Rhs};
 use super::setup::{Exact, Features, Group};
 use super::{Error, local};
 use crate::Watch;
@@ -37,8 +37,7 @@ pub(super) struct Field {
 /// All motions of a factor, and what they cost.
 #[derive(Debug, Default)]
 pub(super) struct Motions {
-    /// For every group three fields on its inner nodes, then three on those of the frame if there are any; then one
-    /// for every sliding node.
+    /// For every part of every group three fields; then one for every sliding node.
     pub(super) fields: Vec<Field>,
     /// Mutual energies of the extended fields, a square.
     energy: Vec<f64>,
@@ -81,12 +80,11 @@ fn fields(features: &Features) -> Vec<Field> {
     let lattice = &features.lattice;
     let of_group = |group: &Group| {
         let ruler = Ruler::of(lattice, group);
-        let parts = [&group.inner, &group.frame].into_iter().filter(|nodes| !nodes.is_empty());
         let on = |nodes: &Vec<usize>| {
             let values = |of: fn(c64) -> f64| nodes.iter().map(|&node| of(ruler.place(lattice, node))).collect();
             [values(|z| z.re), values(|z| z.im), values(|_| 1.0)].map(|values| Field { nodes: nodes.clone(), values })
         };
-        parts.flat_map(on).collect::<Vec<_>>()
+        group.parts().flat_map(on).collect::<Vec<_>>()
     };
     let sliding = features.sliding.iter().map(|&node| Field { nodes: vec![node], values: vec![1.0] });
     features.groups.iter().flat_map(of_group).chain(sliding).collect()
@@ -177,10 +175,11 @@ impl Motions {
             let centre = Ruler::of(lattice, group).centre;
             let turned = |node: usize| guide.map(rest(lattice, node) - centre);
             let off = |node: usize| c64::new(warp.x[node], warp.y[node]) - turned(node);
-            let sum = group.inner.iter().map(|&node| off(node)).fold(c64::new(0.0, 0.0), |sum, off| sum + off);
-            let shift = sum / group.inner.len() as f64;
-            let frame = group.frame.iter().filter(|_| rhs.targets.on_conflict == OnConflict::KeepShape);
-            for &node in group.inner.iter().chain(frame) {
+            let mut moving = group.moving(rhs.keeps_shape()).peekable();
+            let Some(&first) = moving.peek() else { continue };
+            let sum = first.iter().map(|&node| off(node)).fold(c64::new(0.0, 0.0), |sum, off| sum + off);
+            let shift = sum / first.len() as f64;
+            for &node in moving.flatten() {
                 let displacement = shift - off(node);
                 [begin[0][node], begin[1][node]] = [displacement.re, displacement.im];
             }
@@ -201,6 +200,9 @@ impl Motions {
     ) -> Result<(), Error> {
         let features = &rhs.factor.features;
         let unknowns = unknowns(rhs);
+        if unknowns.is_empty() {
+            return Ok(());
+        }
         watch.reserve((unknowns.len() * unknowns.len() + held[0].len()) * size_of::<f64>())?;
         let conductances = rhs.factor.conductances();
         let pulls = [0, 1].map(|axis| {
@@ -248,23 +250,21 @@ impl Motions {
 /// The numbers to find for a warp.
 fn unknowns(rhs: &Rhs) -> Vec<Unknown> {
     let features = &rhs.factor.features;
-    let keeps_shape = rhs.targets.on_conflict == OnConflict::KeepShape;
     let mut unknowns = Vec::new();
     let mut first = 0;
     for (group, guide) in features.groups.iter().zip(&rhs.guides) {
-        let with_frame = !group.frame.is_empty();
-        let parts = if with_frame && keeps_shape { 2 } else { 1 };
+        let parts = group.moving(rhs.keeps_shape()).count();
         // One node alone says nothing about a rotation.
-        let turns = features.exact == Exact::Similarity && (parts == 2 || group.inner.len() > 1);
+        let turns = features.exact == Exact::Similarity && group.moving(rhs.keeps_shape()).flatten().count() > 1;
         let of_one_part = guide.unknowns(turns);
-        unknowns.extend(of_one_part.map(|moves| {
+        unknowns.extend(of_one_part.filter(|_| parts > 0).map(|moves| {
             let of_part = |part: usize| {
                 let start = first + part * OF_A_SIMILARITY;
                 moves.iter().map(move |&(field, along)| (start + field, along))
             };
             Unknown((0..parts).flat_map(of_part).collect())
         }));
-        first += OF_A_SIMILARITY * if with_frame { 2 } else { 1 };
+        first += OF_A_SIMILARITY * group.parts().count();
     }
     for (number, &node) in features.sliding.iter().enumerate() {
         unknowns.extend(rhs.tangent(node).map(|along| Unknown(vec![(first + number, along)])));

@@ -2,7 +2,7 @@
 
 use super::components::Component;
 use super::local::{Frame, Linear, difference, edges_of, modulus};
-use super::setup::{Exact, FeatureFactor, Features};
+use super::setup::{Exact, FeatureFactor, Features, Group};
 use super::weights::NONE;
 use super::{Error, RUN, assert_one_per_node};
 use crate::Watch;
@@ -118,6 +118,11 @@ impl Rhs<'_> {
         Functional { lattice: &features.lattice, conductances, fluxes, base: self.warp, freedom: &self.freedom }
     }
 
+    /// Whether exact features take nodes of a frame along that is held.
+    pub(super) fn keeps_shape(&self) -> bool {
+        self.targets.on_conflict == OnConflict::KeepShape
+    }
+
     /// How every node may move once exact features may bend.
     pub(super) fn freedom_to_bend(&self) -> Vec<Freedom> {
         let mut freedom = self.freedom.clone();
@@ -151,9 +156,9 @@ impl Rhs<'_> {
 /// Where the warp mirrors a component (its mean determinant is negative) a and b change places: the component's
 /// quads are mapped by `s (b / |b|) conj(e)`. Where the part that holds the rotation is below 1e-9 of the linear
 /// map, the component's mean rotation is used, and no rotation if it has none. Sliding nodes move along the chord
-/// between the images of their two neighbours on the frame; where these are one point they stay. An exact feature of
-/// several labels takes what is wanted of the lowest. O(cells); fails on a warp that is not finite, and with `NoPins`
-/// where `KeepShape` would move every node of the frame.
+/// between the images of their two neighbours on the frame; where these are one point they stay. Exact
+/// features that are one want one scale. O(cells); fails on a warp that is not finite, with `Contradiction` where such
+/// features want several scales, and with `NoPins` where `KeepShape` would move every node of the frame.
 ///
 /// Section 2, Equations 1 to 4, with R = a / |a| the proper rotation of the polar decomposition.
 pub fn rhs<'a>(
@@ -169,19 +174,17 @@ pub fn rhs<'a>(
     if let Some(node) = (0..warp.x.len()).find(|&node| !(warp.x[node].is_finite() && warp.y[node].is_finite())) {
         return Err(Error::NotFinite { column: node % lattice.nodes[0], row: node / lattice.nodes[0] });
     }
-    let frame = |component: &Component, mode: Mode| {
-        let frame = Frame::of(lattice, warp, component, targets.scale(component.label, mode), watch)?;
+    features.groups.iter().try_for_each(|group| agreement(group, features.exact, targets))?;
+    let frame = |component: &Component, scale: Option<f64>| {
+        let frame = Frame::of(lattice, warp, component, scale, watch)?;
         Ok(Frame { scale: frame.scale * targets.size, ..frame })
     };
-    let frames = components.par_iter().map(|component| frame(component, targets.mode_of(component.label)));
+    let frames = components.par_iter().map(|component| frame(component, targets.scale(component.label, Exact::Off)));
     let frames: Vec<Frame> = frames.collect::<Result<_, Error>>()?;
     let fluxes = fluxes(features, warp, &frames, targets.blend, watch)?;
     let guides = features.groups.par_iter().map(|group| {
-        let mode = match features.exact {
-            Exact::Rigid => Mode::Rigid,
-            _ => targets.mode_of(group.whole.label),
-        };
-        let Frame { mirrored, scale, rotation } = frame(&group.whole, mode)?;
+        let wanted = targets.scale(group.whole.label, features.exact);
+        let Frame { mirrored, scale, rotation } = frame(&group.whole, wanted)?;
         Ok(Guide { mirrored, turn: rotation * scale })
     });
     let guides = guides.collect::<Result<_, Error>>()?;
@@ -198,15 +201,21 @@ impl Targets<'_> {
         self.overrides.iter().find(|wish| wish.label == label)
     }
 
-    fn mode_of(&self, label: u32) -> Mode {
-        self.wish(label).and_then(|wish| wish.mode).unwrap_or(self.mode)
+    /// The scale of a feature, if it does not take the warp's.
+    fn scale(&self, label: u32, exact: Exact) -> Option<f64> {
+        let wish = self.wish(label);
+        let mode = wish.and_then(|wish| wish.mode).unwrap_or(self.mode);
+        let is_rigid = exact == Exact::Rigid || mode == Mode::Rigid;
+        wish.and_then(|wish| wish.scale).or(is_rigid.then_some(1.0))
     }
+}
 
-    /// The scale of a feature that keeps `mode`, if it does not take the warp's.
-    fn scale(&self, label: u32, mode: Mode) -> Option<f64> {
-        let own = self.wish(label).and_then(|wish| wish.scale);
-        own.or((mode == Mode::Rigid).then_some(1.0))
-    }
+/// Fails where features that are one want several scales.
+fn agreement(group: &Group, exact: Exact, targets: &Targets) -> Result<(), Error> {
+    let first = group.whole.label;
+    let scales = |other: u32| [first, other].map(|label| targets.scale(label, exact));
+    let apart = group.labels.iter().copied().find(|&other| scales(other)[0] != scales(other)[1]);
+    apart.map_or(Ok(()), |other| Err(Error::Contradiction { labels: [first, other], scales: scales(other) }))
 }
 
 fn fluxes(

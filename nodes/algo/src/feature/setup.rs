@@ -91,6 +91,18 @@ pub(super) struct Group {
     pub(super) frame: Vec<usize>,
 }
 
+impl Group {
+    /// The nodes that move apart: inner ones, then those of the frame; without what there is none of.
+    pub(super) fn parts(&self) -> impl Iterator<Item = &Vec<usize>> {
+        [&self.inner, &self.frame].into_iter().filter(|nodes| !nodes.is_empty())
+    }
+
+    /// The parts that are mapped by the similarity, the first ones.
+    pub(super) fn moving(&self, keeps_shape: bool) -> impl Iterator<Item = &Vec<usize>> {
+        self.parts().take(usize::from(!self.inner.is_empty()) + usize::from(keeps_shape))
+    }
+}
+
 /// The least squares system of a lattice and its features, not yet factored.
 #[derive(Debug)]
 pub struct System {
@@ -108,7 +120,7 @@ pub struct FeatureFactor {
 
 #[derive(Debug)]
 pub(super) enum Solver {
-    /// There are no features, or all nodes lie on the frame: the warp is the result.
+    /// There are no features, or all nodes lie on the frame and none may leave it: the warp is the result.
     Idle(GridLaplacian),
     Factored(poisson::Factor),
 }
@@ -126,8 +138,9 @@ pub(super) enum Solver {
 ///
 /// All quads of one label are one component, connected or not. Features may touch the frame and each other; where
 /// they are not exact, least squares averages what they ask for, and exact ones that share nodes are one similarity.
-/// Fails with `NoPins` where `Boundary::Free` leaves no node of the frame to be held. Lattices with fewer than 3
-/// nodes on a side have nothing to solve for. Time O(cells * (1 + radius)).
+/// Fails with `NoPins` where `Boundary::Free` leaves no node of the frame to be held. On lattices with fewer than 3
+/// nodes on a side all nodes are the frame's: there is nothing to solve for with `Boundary::Pin` and `Exact::Off`.
+/// Time O(cells * (1 + radius)).
 ///
 /// Section 2, Equations 3 to 5, and Section 2.1, Equations 6 and 7.
 pub fn setup(structure: &Structure, watch: Watch) -> Result<System, Error> {
@@ -230,7 +243,8 @@ impl FeatureFactor {
 impl Features {
     /// Nothing can differ from the warp.
     pub(super) fn is_idle(&self) -> bool {
-        self.components.is_empty() || self.lattice.nodes.iter().any(|&count| count < 3)
+        let is_all_frame = self.lattice.nodes.iter().any(|&count| count < 3);
+        self.components.is_empty() || (is_all_frame && self.boundary == Boundary::Pin && self.groups.is_empty())
     }
 
     /// Nodes of the frame that neither slide nor are free. Exact features may still take them along.

@@ -31,7 +31,7 @@ pub struct FeatureWarp {
 /// * `tolerance`: largest distance of a node from the exact solution, px, positive.
 /// * `watch`: called before every substitution.
 ///
-/// Without features, or with fewer than 3 nodes on a side, the warp itself. The cost is that of
+/// Without features the warp itself, and where no node may leave it. The cost is that of
 /// [`crate::poisson::Factor::solve`] for two right-hand sides; twice that where features are exact or nodes slide,
 /// and a dense system of 4 unknowns for every exact feature (2 of `Exact::Rigid`) and 1 for every sliding node.
 ///

@@ -371,7 +371,7 @@ fn without_features_the_warp_comes_back_bit_for_bit() {
 }
 
 #[test]
-fn without_interior_the_warp_comes_back() {
+fn without_interior_the_warp_comes_back_from_its_border() {
     for nodes in [[2, 2], [2, 7], [7, 2]] {
         let lattice = Lattice { nodes, ..SQUARE };
         let warp = shaken(&lattice, 0.4, 3);

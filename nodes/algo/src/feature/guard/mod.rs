@@ -29,7 +29,7 @@ use crate::lattice::{Positions, border};
 use crate::poisson::Edges;
 use crate::room::Room;
 use crate::steps::Span;
-use crate::warp::certify;
+use crate::warp::{Certificate, certify};
 use bend::Bend;
 use boundary::crossing;
 use newton::Judge;
@@ -61,7 +61,8 @@ pub enum How {
         /// Steps of Newton's method on the lattice itself, those that looked for a start included.
         steps: usize,
     },
-    /// Not at all: features were not to bend, and no size that was tried helped. The literal solution.
+    /// Not at all: nothing that was to be tried reached the floor or left fewer folds, none of them worse. The literal
+    /// solution.
     Kept,
 }
 
@@ -112,9 +113,9 @@ pub struct Verdict {
     pub floor: f64,
     /// `min_jacobian` reaches the floor.
     pub reached: bool,
-    /// The boundary runs the other way round: everything is mirrored, and judged in a mirror.
+    /// The boundary runs the other way round: everything was repaired and is judged in a mirror.
     pub mirrored: bool,
-    /// What was done; in vain where the floor was not reached.
+    /// What was done; not enough where the floor was not reached.
     pub how: How,
     /// Cells that fold.
     pub folds: usize,
@@ -146,8 +147,10 @@ const HALVINGS: usize = 4;
 ///   convex polygon, strictly convex at the four corners of the lattice (Tutte; nodes along its sides may be collinear).
 ///
 /// Otherwise it is attempted: corners are lifted from below by the same barrier, its level rising with the lowest.
-/// What comes out is reported with the obstacles known; that there is no warp without folds is never concluded from a
-/// failure. A base whose boundary runs the other way round is repaired in a mirror.
+/// Where that fails, the literal solution is kept unless fewer cells of the repaired one fold and its least Jacobian is
+/// no lower. What comes out is reported with the obstacles known; that there is no warp without folds is never concluded
+/// from a failure. A base whose boundary runs the other way round is repaired in a mirror; where that fails, the same
+/// rule keeps the literal solution, judged upright.
 ///
 /// * `functional`: what the literal solution minimises. The base must be finite.
 /// * `literal`: its minimiser, finite, one position per node. Returned bit for bit if it reaches the floor.
@@ -207,8 +210,14 @@ pub fn guard(
     let upright = Functional { fluxes: &fluxes, base: &base, freedom: &freedom, ..*functional };
     let solve = |factor: f64| solve(factor).map(|positions| in_mirror(&positions));
     let found = guard_upright(&upright, &in_mirror(literal), fit, may_bend, &solve, watch)?;
-    let verdict = Verdict { mirrored: true, ..found.verdict };
-    Ok(Guarded { positions: in_mirror(&found.positions), verdict })
+    let positions = in_mirror(&found.positions);
+    let upright = |x: &Positions| certify(functional.lattice, x, watch);
+    if found.verdict.reached || is_better(&upright(&positions)?, &upright(literal)?) {
+        return Ok(Guarded { positions, verdict: Verdict { mirrored: true, ..found.verdict } });
+    }
+    let shape = Shape::new(functional.lattice, functional.freedom);
+    let judge = Judge { shape: &shape, floor: found.verdict.floor, single: false };
+    functional.report(&judge, literal.clone(), literal, How::Kept, watch)
 }
 
 fn guard_upright(
@@ -246,7 +255,20 @@ fn guard_upright(
     }
     let (positions, steps) =
         Bend { functional, shape: &shape, literal, floor }.bend(start, &mut room, &Span::new(watch, SHRUNK, 1.0))?;
-    report(positions, How::Bent { steps })
+    let bent = report(positions, How::Bent { steps })?;
+    if bent.verdict.reached {
+        return Ok(bent);
+    }
+    let certified = |x: &Positions| certify(functional.lattice, x, watch);
+    match is_better(&certified(&bent.positions)?, &certified(literal)?) {
+        true => Ok(bent),
+        false => report(literal.clone(), How::Kept),
+    }
+}
+
+/// Fewer cells fold, and none worse. Corners that are held may be the worst of both.
+fn is_better(repaired: &Certificate, literal: &Certificate) -> bool {
+    repaired.folds < literal.folds && repaired.min_jacobian >= literal.min_jacobian
 }
 
 /// The largest factor on all scales that bisection finds to reach the floor.

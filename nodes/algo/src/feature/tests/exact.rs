@@ -243,8 +243,12 @@ fn nodes_without_a_direction_stay() {
 fn pictures_that_nothing_holds_are_refused() {
     let all = cells_where(&SQUARE, |_, _| 1);
     for exact in EXACT {
-        let free = Structure { boundary: Boundary::Free, exact, ..structure(&SQUARE, &all) };
-        assert_eq!(setup(&free, UNWATCHED).err(), Some(Error::NoPins));
+        for nodes in [SQUARE.nodes, [2, 2], [2, 7], [7, 2]] {
+            let lattice = Lattice { nodes, ..SQUARE };
+            let all = cells_where(&lattice, |_, _| 1);
+            let free = Structure { boundary: Boundary::Free, exact, ..structure(&lattice, &all) };
+            assert_eq!(setup(&free, UNWATCHED).err(), Some(Error::NoPins));
+        }
     }
     let factor = prepared(&Structure { exact: Exact::Rigid, ..structure(&SQUARE, &all) });
     let warp = shaken(&SQUARE, 0.1, 1);
@@ -254,19 +258,76 @@ fn pictures_that_nothing_holds_are_refused() {
 }
 
 #[test]
-fn empty_masks_and_small_lattices_give_the_warp_in_every_way() {
+fn empty_masks_give_the_warp_in_every_way() {
     for nodes in [[9, 11], [2, 2], [2, 7], [7, 2]] {
         let lattice = Lattice { nodes, ..SQUARE };
         let warp = shaken(&lattice, 0.4, 3);
-        let label = u32::from(nodes != [9, 11]);
-        let cells = cells_where(&lattice, |_, _| label);
+        let cells = cells_where(&lattice, |_, _| 0);
         for (boundary, exact, on_conflict) in all_ways() {
             let factor = prepared(&Structure { boundary, exact, ..structure(&lattice, &cells) });
             let result = aimed(&factor, &warp, &Targets { on_conflict, ..Targets::default() });
             assert_eq!((&result.positions, result.residual, factor.unknowns()), (&warp, 0.0, 0));
-            assert_eq!(result.features.len(), label as usize);
+            assert_eq!(result.features, []);
         }
     }
+}
+
+/// All nodes of a lattice one cell wide are on its frame, and what features may do there they do.
+#[test]
+fn lattices_one_cell_wide_are_solved_as_others() {
+    for nodes in [[2, 26], [26, 2]] {
+        let lattice = Lattice { nodes, ..FLAT };
+        let cells = cells_where(&lattice, |column, row| match column + row {
+            6..12 => 1,
+            15..18 => 2,
+            _ => 0,
+        });
+        let warp = shaken(&lattice, 0.3, 8);
+        let factor = |boundary, exact| prepared(&Structure { boundary, exact, ..structure(&lattice, &cells) });
+        for (boundary, exact, on_conflict) in all_ways() {
+            let way = format!("{nodes:?} {boundary:?} {exact:?} {on_conflict:?}");
+            let (factor, targets) = (factor(boundary, exact), Targets { on_conflict, ..Targets::default() });
+            let rhs = rhs(&factor, &warp, &targets, UNWATCHED).expect("asked");
+            let follows = boundary == Boundary::Free || on_conflict == OnConflict::KeepShape;
+            let labels: &[u32] = if exact != Exact::Off && follows { &[1, 2] } else { &[] };
+            let similar = labels.iter().map(|&label| Similar {
+                nodes: nodes_of(&lattice, &cells, &[label]),
+                mirrored: false,
+                a: (exact == Exact::Rigid).then(|| mean_rotation(&lattice, &cells, &warp, &[label], false)),
+            });
+            let expected = minimise(&rhs.functional(), &similar.collect::<Vec<_>>());
+            let result = solve(&rhs, TOLERANCE, UNWATCHED).expect("solved");
+            assert_close(&result.positions, &expected, 1e-9);
+            let is_idle = boundary == Boundary::Pin && labels.is_empty();
+            assert_eq!(result.positions == warp, is_idle, "{way}");
+            let is_exact = result.features.iter().all(|fit| fit.deviation_cells < 1e-9);
+            assert_eq!(is_exact, !labels.is_empty(), "{way}: {:?}", result.features);
+            let held_against = exact != Exact::Off && boundary != Boundary::Free;
+            assert_eq!(result.conflicts, [1, 2][..if held_against { 2 } else { 0 }], "{way}");
+        }
+    }
+}
+
+#[test]
+fn features_that_are_one_want_one_scale() {
+    let cells = four(&SQUARE);
+    let warp = shaken(&SQUARE, 0.2, 9);
+    let wish = |label, scale| Override { label, scale: Some(scale), ..Override::default() };
+    let asked = |exact, overrides: &[Override]| {
+        let factor = prepared(&Structure { exact, ..structure(&SQUARE, &cells) });
+        rhs(&factor, &warp, &Targets { overrides, ..Targets::default() }, UNWATCHED).map(|_| ()).err()
+    };
+    let apart = |scales| Some(Error::Contradiction { labels: [5, 7], scales });
+    let apart_each = [(Exact::Similarity, None), (Exact::Rigid, Some(1.0))];
+    for (exact, without) in apart_each {
+        assert_eq!(asked(exact, &[wish(7, 2.0), wish(5, 0.5)]), apart([Some(0.5), Some(2.0)]));
+        assert_eq!(asked(exact, &[wish(7, 2.0)]), apart([without, Some(2.0)]));
+        assert_eq!(asked(exact, &[wish(7, 2.0), wish(5, 2.0), wish(4, 3.0)]), None);
+    }
+    let rigid = Override { label: 5, mode: Some(Mode::Rigid), scale: None };
+    assert_eq!(asked(Exact::Similarity, &[rigid]), apart([Some(1.0), None]));
+    assert_eq!(asked(Exact::Rigid, &[rigid]), None);
+    assert_eq!(asked(Exact::Off, &[wish(7, 2.0), wish(5, 0.5)]), None);
 }
 
 #[test]
