@@ -175,7 +175,7 @@ fn what_may_not_be_expected_is_told() {
         (
             r#""exact": FeatureFactor(grid: "grid", features: "parts", exact: Similarity),
                "out": FeatureWarp(warp: "warp", factor: "exact")"#,
-            "exact features keep to the border where they touch it, not to their shape (labels: 1); use on_conflict:",
+            "exact features keep to the border where they touch it, not to their shape (labels 1); use on_conflict:",
         ),
         (
             r#""bulge": Bulge(grid: "grid"), "more": Lattice(domain: "plate", cell: 5.0, overscan: 64.0),

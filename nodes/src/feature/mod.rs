@@ -36,20 +36,30 @@ fn check_labels(wanted: impl Iterator<Item = u32>, known: &[u32]) -> Result<(), 
     Ok(())
 }
 
-/// The labels of all features in words, rising; the first of them if there are many.
+/// The labels of all features in words.
 fn listed(labels: &[u32]) -> String {
-    const SHOWN: usize = 20;
+    let numbers = numbers(labels);
+    match labels.len() {
+        0 => "there are none".into(),
+        1 => format!("the one feature has the label {numbers}"),
+        2..=SHOWN => format!("the features have the labels {numbers}"),
+        count => format!("the {count} features have the labels {numbers}"),
+    }
+}
+
+/// So many labels are shown at most.
+const SHOWN: usize = 20;
+
+/// Labels, rising; the first of them if there are many.
+fn numbers(labels: &[u32]) -> String {
     let named = |labels: &[u32]| labels.iter().map(u32::to_string).collect::<Vec<_>>().join(", ");
     match labels {
-        [] => "there are none".into(),
-        [only] => format!("the one feature has the label {only}"),
+        [] | [_] => named(labels),
         [first, .., last] if labels.len() > 2 && (last - first) as usize + 1 == labels.len() => {
-            format!("the features have the labels {first} to {last}")
+            format!("{first} to {last}")
         }
-        many if many.len() > SHOWN => {
-            format!("the {} features have the labels {}, ..", many.len(), named(&many[..SHOWN]))
-        }
-        [others @ .., last] => format!("the features have the labels {} and {last}", named(others)),
+        many if many.len() > SHOWN => format!("{}, ..", named(&many[..SHOWN])),
+        [others @ .., last] => format!("{} and {last}", named(others)),
     }
 }
 
@@ -97,6 +107,7 @@ mod tests {
             (vec![1, 2], "the features have the labels 1 and 2"),
             ((1..8).collect(), "the features have the labels 1 to 7"),
             (vec![1, 3, 9], "the features have the labels 1, 3 and 9"),
+            ((1..31).collect(), "the 30 features have the labels 1 to 30"),
         ] {
             assert_eq!(listed(&labels), words);
         }

@@ -160,9 +160,9 @@ impl FeatureWarp {
         let keeps_to_the_border = self.on_conflict == OnConflict::NoFold && !labels.is_empty();
         keeps_to_the_border.then(|| {
             format!(
-                "exact features keep to the border where they touch it, not to their shape (labels: {}); \
+                "exact features keep to the border where they touch it, not to their shape (labels {}); \
                  use on_conflict: KeepShape here, or boundary: Free in the FeatureFactor",
-                super::listed(labels)
+                super::numbers(labels)
             )
         })
     }
