@@ -29,7 +29,9 @@ fn killed_writers_leave_only_whole_entries() {
 #[test]
 fn entries_that_are_torn_are_seen() {
     if !perform_if_ordered() {
-        assert!(kill("entries_that_are_torn_are_seen", true).damaged > 0);
+        // Whether a kill tears an entry is chance.
+        let is_seen = |_| kill("entries_that_are_torn_are_seen", true).damaged > 0;
+        assert!((0..5).any(is_seen));
     }
 }
 
