@@ -16,6 +16,8 @@ import time
 import numpy as np
 import OpenImageIO as oiio
 
+from bench_resample import exact, psnr
+
 REPEATS, TARGET, PROBES, PATCH = 5, 10.0, 16, 96
 # Name, shrink along x and y, turn in degrees; those with a target first.
 CASES = [(f"{n}x", n, n, 0) for n in (1, 2, 4, 8)]
@@ -49,25 +51,6 @@ def affine(across, down, degrees, size, out):
     return matrix, size / 2 + np.array([0.3, 0.2]) - matrix @ np.array([out / 2, out / 2])
 
 
-def keys(t):
-    outer = lambda d: ((-0.5 * d + 2.5) * d - 4) * d + 2
-    inner = lambda d: (1.5 * d - 2.5) * d * d + 1
-    return np.stack([outer(1 + t), inner(t), inner(1 - t), outer(2 - t)])
-
-
-def cubic(planes, x, y):
-    size = planes.shape[1]
-    column, line = np.floor(x - 0.5).astype(int), np.floor(y - 0.5).astype(int)
-    across, down = keys(x - 0.5 - column), keys(y - 0.5 - line)
-    total = np.zeros((4,) + x.shape)
-    for j in range(4):
-        for i in range(4):
-            c, r = column + i - 1, line + j - 1
-            held = (c >= 0) & (c < size) & (r >= 0) & (r < size)
-            total += across[i] * down[j] * held * planes[:, r.clip(0, size - 1), c.clip(0, size - 1)]
-    return total
-
-
 def reference(planes, matrix, offset, patch):
     """The patch's pixels by the mean over many places in each."""
     y, x = np.mgrid[patch, patch].astype(float)
@@ -75,12 +58,8 @@ def reference(planes, matrix, offset, patch):
     for v in (np.arange(PROBES) + 0.5) / PROBES:
         for u in (np.arange(PROBES) + 0.5) / PROBES:
             at = np.tensordot(matrix, np.stack([x + u, y + v]), 1) + offset[:, None, None]
-            total = total + cubic(planes, *at)
+            total = total + exact(planes, at, -0.5, slice(None))
     return total / PROBES**2
-
-
-def psnr(found, expected):
-    return 10 * np.log10(1.0 / max(np.mean((found - expected) ** 2), 1e-30))
 
 
 def ours(example, folder, planes, matrix, offset, out):
