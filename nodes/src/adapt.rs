@@ -4,10 +4,11 @@ use std::sync::{Mutex, PoisonError};
 
 use warploom_algo::lattice::{Lattice, Positions};
 use warploom_algo::rect::Rect as Window;
+use warploom_algo::resample::Map;
 use warploom_algo::view::{View, ViewMut};
 use warploom_algo::{Interrupted, Watch, Watcher};
 use warploom_core::node::{Context, ErrorClass, NodeError};
-use warploom_core::value::{Buffer, BufferMut, Factor, Grid, Rect, Sample, Warp};
+use warploom_core::value::{Buffer, BufferMut, Direction, Factor, Grid, Rect, Sample, Warp};
 
 pub fn view<T: Sample>(buffer: &Buffer<T>) -> View<'_, T> {
     View::new(buffer.samples(), buffer.width(), buffer.height(), buffer.stride())
@@ -55,6 +56,14 @@ pub fn solver<'a, T: 'static>(factor: &'a Factor, port: &'static str, maker: &st
 pub fn too_large(grid: &Grid) -> NodeError {
     let message = format!("the lattice ({}) is too large for the solver", described(grid));
     NodeError::new(ErrorClass::OverBudget, message).hint("use larger cells")
+}
+
+/// What a warp's lattice and positions say, whichever way they point.
+pub fn map<'a>(direction: Direction, lattice: &'a Lattice, positions: &'a Positions) -> Map<'a> {
+    match direction {
+        Direction::DstFromSrc => Map::Forward { lattice, positions },
+        Direction::SrcFromDst => Map::Backward { lattice, positions },
+    }
 }
 
 /// The algorithms' rectangle.

@@ -75,6 +75,12 @@ impl Positions {
         Ok(Self { x, y })
     }
 
+    /// Moves all of them by the same, px.
+    pub fn translate(&mut self, [dx, dy]: [f64; 2]) {
+        self.x.iter_mut().for_each(|x| *x += dx);
+        self.y.iter_mut().for_each(|y| *y += dy);
+    }
+
     /// `map` of every node's rest position.
     pub fn from_map(lattice: &Lattice, map: impl Fn([f64; 2]) -> [f64; 2] + Sync) -> Self {
         Self::mapped(lattice, UNWATCHED, map).unwrap_or_else(|Interrupted| unreachable!("nobody watches"))

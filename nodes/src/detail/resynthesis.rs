@@ -3,12 +3,11 @@ use serde::{Deserialize, Serialize};
 use smart_default::SmartDefault;
 use warploom_algo::detail::{self, Settings, SimilarSets};
 use warploom_algo::lattice::Positions;
-use warploom_algo::rect::Rect;
-use warploom_algo::resample::{self, Map};
+use warploom_algo::resample;
 use warploom_core::node::{Context, In, Node, NodeError, Output, Outputs};
-use warploom_core::value::{Channel, Direction, Factor, Image, Kind, Layer, Plane, Warp};
+use warploom_core::value::{Channel, Factor, Image, Kind, Layer, Plane, Warp};
 
-use crate::adapt::{lattice, positions, solver, view, view_mut, watched};
+use crate::adapt::{lattice, map, positions, solver, view, view_mut, watched, window};
 
 /// Gives a warped picture the detail that it lacks where the warp magnified it.
 ///
@@ -65,8 +64,7 @@ impl Node for Detail {
         cx.reserve((width * height * size_of::<f32>()) as u128)?;
         let magnification = watched(cx, |watch| detail::magnification(&origins, width, watch))?;
         let [left, top] = factor.grid.origin;
-        origins.x.iter_mut().for_each(|x| *x -= left);
-        origins.y.iter_mut().for_each(|y| *y -= top);
+        origins.translate([-left, -top]);
         let mut out = cx.planes(3, width, height)?;
         let outs = out.iter_mut().map(view_mut).collect::<Vec<_>>().try_into().expect("three planes");
         let (views, settings) = (planes.map(view), self.settings());
@@ -100,13 +98,8 @@ impl Detail {
 
     /// Where each pixel of the layer comes from.
     fn origins(&self, cx: &Context, warp: &Warp, layer: &Layer) -> Result<Positions, NodeError> {
-        let (lattice, positions) = (&lattice(&warp.grid), &positions(cx, warp)?);
-        let map = match warp.direction {
-            Direction::DstFromSrc => Map::Forward { lattice, positions },
-            Direction::SrcFromDst => Map::Backward { lattice, positions },
-        };
-        let data = &layer.data;
-        let window = Rect::new(data.x0.into(), data.y0.into(), data.x1.into(), data.y1.into());
+        let (lattice, positions) = (lattice(&warp.grid), positions(cx, warp)?);
+        let (map, window) = (map(warp.direction, &lattice, &positions), window(&layer.data));
         watched(cx, |watch| resample::pixel_sources(&map, window, watch))
     }
 }

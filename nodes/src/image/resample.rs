@@ -13,7 +13,7 @@ use warploom_core::value::{
     Windows,
 };
 
-use crate::adapt::{FARTHEST, lattice, positions, view, view_mut, watched, window};
+use crate::adapt::{FARTHEST, lattice, map, positions, view, view_mut, watched, window};
 use crate::io::codec::MAX_SIDE;
 
 /// Draws a picture, mask, field or label map through a warp.
@@ -143,11 +143,7 @@ impl<T: Sample> Drawn<T> {
 
 impl Drawing<'_> {
     fn map(&self) -> Map<'_> {
-        let (lattice, positions) = (&self.lattice, &self.positions);
-        match self.direction {
-            Direction::DstFromSrc => Map::Forward { lattice, positions },
-            Direction::SrcFromDst => Map::Backward { lattice, positions },
-        }
+        map(self.direction, &self.lattice, &self.positions)
     }
 
     /// Display and data window of what is drawn from `windows`.
