@@ -53,6 +53,8 @@ codes! {
     Mistyped = "mistyped", exit 2;
     /// A value outside its range.
     OutOfRange = "out_of_range", exit 2;
+    /// Parameters that a node refuses, most often because they do not go together.
+    Conflict = "conflict", exit 2;
     /// NaN or an infinity.
     NotFinite = "not_finite", exit 2;
     /// A connection between kinds that do not fit.

@@ -47,6 +47,12 @@ pub trait Node: Serialize + DeserializeOwned + JsonSchema + Default + Send + Syn
         vec![request.clone()]
     }
 
+    /// Refuses parameters that do not go together, so that nothing runs before they are mended. Ports cannot be looked
+    /// at. Asked when a graph is checked, where all parameters are constant, and before every `compute`.
+    fn check(&self) -> Result<(), NodeError> {
+        Ok(())
+    }
+
     /// The outputs, in the order of `OUTPUTS`.
     fn compute(&self, cx: &Context) -> Result<Outputs, NodeError>;
 }

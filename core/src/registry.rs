@@ -39,6 +39,8 @@ pub trait AnyNode: Send + Sync {
     fn reads(&self, port: &str) -> Reads;
     /// See [`Node::needs`].
     fn needs(&self, port: &str, request: &Request, shot: &[i64]) -> Vec<Request>;
+    /// See [`Node::check`].
+    fn check(&self) -> Result<(), NodeError>;
     /// See [`Node::compute`].
     fn compute(&self, cx: &Context) -> Result<Outputs, NodeError>;
 }
@@ -50,6 +52,10 @@ impl<T: Node> AnyNode for T {
 
     fn needs(&self, port: &str, request: &Request, shot: &[i64]) -> Vec<Request> {
         Node::needs(self, port, request, shot)
+    }
+
+    fn check(&self) -> Result<(), NodeError> {
+        Node::check(self)
     }
 
     fn compute(&self, cx: &Context) -> Result<Outputs, NodeError> {

@@ -2,11 +2,14 @@
 
 use std::ops::Range;
 
+use warploom_core::diag::Code;
 use warploom_core::node::OutputKind;
 use warploom_core::registry::{NodeType, Registry};
 use warploom_core::schema::{Access, Arity, Param, PortShape, Shape};
 use warploom_core::value::Kind;
 use warploom_tests::Random;
+
+use crate::faults_of;
 
 /// What a piece of text is in its graph.
 #[derive(Clone, Debug, PartialEq)]
@@ -127,7 +130,21 @@ impl Maker<'_> {
         outputs.filter(|(_, _, kind)| kinds.contains(kind)).map(|(node, output, _)| (node, output)).collect()
     }
 
+    /// A node whose parameters go together.
     fn node(&mut self, node_type: &NodeType) {
+        let (text, pieces) = (self.text.len(), self.pieces.len());
+        loop {
+            let made = self.draw(node_type);
+            let graph = format!("Graph(version: 1, frames: \"1001-1012\", nodes: {{ {} }})", &self.text[text..]);
+            if faults_of(&graph).faults.iter().all(|fault| fault.code != Code::Conflict) {
+                return self.made.push(made);
+            }
+            self.text.truncate(text);
+            self.pieces.truncate(pieces);
+        }
+    }
+
+    fn draw(&mut self, node_type: &NodeType) -> Made {
         let number = self.made.len();
         let word = WORDS[(self.random.below(8) + number * 5) % WORDS.len()];
         let taken = self.made.iter().any(|made| made.id == word);
@@ -158,8 +175,7 @@ impl Maker<'_> {
                 (output.name, kind.expect("the port is required"))
             }
         });
-        let kinds = kinds.collect();
-        self.made.push(Made { id, of: node_type.name.to_string(), kinds });
+        Made { id, of: node_type.name.to_string(), kinds: kinds.collect() }
     }
 
     fn piece(&mut self, role: Role, param: &str, text: &str) {

@@ -251,6 +251,7 @@ impl Worker<'_> {
             self.engine.pool.install(|| {
                 let start = Instant::now();
                 let instance = node.node_type.make(&serde_json::Value::Object(params));
+                instance.check()?;
                 let outputs = instance.compute(&context)?;
                 assert_eq!(outputs.values.len(), node.node_type.outputs.len(), "one value per declared output");
                 let outlines: Vec<Outline> = outputs.values.iter().map(Outline::of).collect();

@@ -92,6 +92,10 @@ impl Node for FeatureFactor {
     const OUTPUTS: &'static [Output] = &[Output::new("factor", Kind::Factor)];
     const CPU_FAMILY: bool = true;
 
+    fn check(&self) -> Result<(), NodeError> {
+        super::once_each(self.overrides.iter().map(|wish| wish.label).collect())
+    }
+
     fn compute(&self, cx: &Context) -> Result<Outputs, NodeError> {
         let (grid, labels) = (cx.get(&self.grid), cx.get(&self.features));
         if grid.periodic != [false, false] {

@@ -20,20 +20,19 @@ struct Prepared {
     labels: Vec<u32>,
 }
 
-/// Refuses overrides of labels that no feature has, and several for one label.
-fn check_labels(wanted: impl Iterator<Item = u32>, known: &[u32]) -> Result<(), NodeError> {
-    let wanted: Vec<u32> = wanted.collect();
-    for (number, label) in wanted.iter().enumerate() {
-        if known.binary_search(label).is_err() {
-            let message = format!("there is no feature with the label {label}; {}", listed(known));
-            return Err(NodeError::refused(message).at("overrides").hint("override labels that are there"));
-        }
-        if wanted[..number].contains(label) {
-            let message = format!("label {label} is overridden twice");
-            return Err(NodeError::refused(message).at("overrides").hint("put all of it into one override"));
-        }
-    }
-    Ok(())
+/// Refuses several overrides for one label.
+fn once_each(mut labels: Vec<u32>) -> Result<(), NodeError> {
+    labels.sort_unstable();
+    let Some(pair) = labels.windows(2).find(|pair| pair[0] == pair[1]) else { return Ok(()) };
+    let message = format!("label {} is overridden twice", pair[0]);
+    Err(NodeError::refused(message).at("overrides").hint("put all of it into one override"))
+}
+
+/// Refuses overrides of labels that no feature has.
+fn check_labels(mut wanted: impl Iterator<Item = u32>, known: &[u32]) -> Result<(), NodeError> {
+    let Some(label) = wanted.find(|label| known.binary_search(label).is_err()) else { return Ok(()) };
+    let message = format!("there is no feature with the label {label}; {}", listed(known));
+    Err(NodeError::refused(message).at("overrides").hint("override labels that are there"))
 }
 
 /// The labels of all features in words.

@@ -114,6 +114,10 @@ impl Node for FeatureWarp {
     const OUTPUTS: &'static [Output] = &[Output::new("warp", Kind::Warp), Output::new("components", Kind::Text)];
     const CPU_FAMILY: bool = true;
 
+    fn check(&self) -> Result<(), NodeError> {
+        super::once_each(self.overrides.iter().map(|wish| wish.label).collect())
+    }
+
     fn compute(&self, cx: &Context) -> Result<Outputs, NodeError> {
         let (warp, factor) = (cx.get(&self.warp), cx.get(&self.factor));
         let Prepared { factor: solver, labels } = adapt::solver(&factor, "factor", "FeatureFactor")?;

@@ -87,12 +87,14 @@ impl Node for Resample {
     const VERSION: u32 = 2;
     const OUTPUTS: &'static [Output] = &[Output::same_as("image", "image")];
 
-    fn compute(&self, cx: &Context) -> Result<Outputs, NodeError> {
-        if self.fit && self.size.is_some() {
-            return Err(NodeError::refused("a size and fit exclude each other")
-                .at("fit")
-                .hint("leave one of them out"));
+    fn check(&self) -> Result<(), NodeError> {
+        if !self.fit || self.size.is_none() {
+            return Ok(());
         }
+        Err(NodeError::refused("a size and fit exclude each other").at("fit").hint("leave one of them out"))
+    }
+
+    fn compute(&self, cx: &Context) -> Result<Outputs, NodeError> {
         let (source, warp) = (cx.get(&self.image), cx.get(&self.warp));
         let drawing = Drawing {
             node: self,

@@ -14,7 +14,7 @@ use crate::warp::Holes;
 /// Reads a warp from an EXR of floats that says for each pixel where it comes from: an ST map, UV map or displacement.
 ///
 /// The warp lies on the lattice of the pixels' centres, so that it is there exactly what the file says; outside of the
-/// file's data window it continues. Pixels of alpha 0 have no position, and nothing is drawn there. In the stats,
+/// file's data window it continues. Pixels of alpha 0 or below have no position, and nothing is drawn there. In the stats,
 /// `pixels` counts the map's pixels and `without_source` those without a position.
 #[derive(Clone, Serialize, Deserialize, JsonSchema, SmartDefault)]
 #[serde(default, deny_unknown_fields)]
@@ -43,7 +43,7 @@ pub struct LoadWarp {
 const LOSSY: [(u8, &str); 3] = [(5, "Pxr24"), (8, "Dwaa"), (9, "Dwab")];
 
 impl Node for LoadWarp {
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
     const OUTPUTS: &'static [Output] = crate::warp::WARP;
     // The decoder of DWA chooses instructions by the processor.
     const CPU_FAMILY: bool = true;
@@ -170,7 +170,7 @@ impl LoadWarp {
                 self.about(ErrorClass::Refused, message).hint(hint)
             }
             DecodeError::Interrupted | DecodeError::NoSource => {
-                let message = format!("no pixel has a position: channel `{alpha}` is 0 everywhere");
+                let message = format!("no pixel has a position: channel `{alpha}` is 0 or below everywhere");
                 self.about(ErrorClass::Refused, message).hint("if it is no coverage, pass it over: ignore_alpha: true")
             }
         }

@@ -1,10 +1,12 @@
+use std::borrow::Cow;
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use smart_default::SmartDefault;
 use warploom_core::node::{Context, In, Node, NodeError, Output, Outputs, WritePath};
 use warploom_core::value::Image;
 
-use super::codec::{self, Compression, Depth, Encoding, NodeHost, WriteOptions};
+use super::codec::{self, Compression, Depth, Encoding, Format, NodeHost, WriteOptions};
 
 /// Writes a picture in the format that the extension names: exr, png, jpg, jpeg, tif, tiff, hdr.
 ///
@@ -39,13 +41,25 @@ impl Node for Save {
     // The encoder of DWA chooses instructions by the processor.
     const CPU_FAMILY: bool = true;
 
+    fn check(&self) -> Result<(), NodeError> {
+        Format::of(&self.extension(), &self.options()).map(|_| ())
+    }
+
     fn compute(&self, cx: &Context) -> Result<Outputs, NodeError> {
-        let Self { encoding, depth, compression, quality, .. } = *self;
-        let options = WriteOptions { encoding, depth, compression, quality };
-        let extension = self.path.path().extension().unwrap_or_default().to_string_lossy();
         let image = cx.get(&self.image);
-        let bytes = codec::encode_image(&image, &extension, &options, &NodeHost(cx))?;
+        let bytes = codec::encode_image(&image, &self.extension(), &self.options(), &NodeHost(cx))?;
         cx.write(&self.path, &bytes)?;
         Ok(Outputs::default())
+    }
+}
+
+impl Save {
+    fn extension(&self) -> Cow<'_, str> {
+        self.path.path().extension().unwrap_or_default().to_string_lossy()
+    }
+
+    fn options(&self) -> WriteOptions {
+        let Self { encoding, depth, compression, quality, .. } = *self;
+        WriteOptions { encoding, depth, compression, quality }
     }
 }

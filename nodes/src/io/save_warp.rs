@@ -74,6 +74,10 @@ impl Node for SaveWarp {
     const OUTPUTS: &'static [Output] = &[];
     const SINK: bool = true;
 
+    fn check(&self) -> Result<(), NodeError> {
+        self.names().and(self.compression()).map(|_| ())
+    }
+
     fn compute(&self, cx: &Context) -> Result<Outputs, NodeError> {
         let compression = self.compression()?;
         let names = self.names()?;

@@ -33,13 +33,15 @@ impl Node for Torus {
     const VERSION: u32 = 1;
     const OUTPUTS: &'static [Output] = super::MESH;
 
-    fn compute(&self, cx: &Context) -> Result<Outputs, NodeError> {
-        if self.tube > self.radius {
-            let message = format!("the tube's radius {} is larger than the radius {}", self.tube, self.radius);
-            return Err(NodeError::refused(message)
-                .at("tube")
-                .hint("a tube of at most the radius does not cut itself"));
+    fn check(&self) -> Result<(), NodeError> {
+        if self.tube <= self.radius {
+            return Ok(());
         }
+        let message = format!("the tube's radius {} is larger than the radius {}", self.tube, self.radius);
+        Err(NodeError::refused(message).at("tube").hint("a tube of at most the radius does not cut itself"))
+    }
+
+    fn compute(&self, cx: &Context) -> Result<Outputs, NodeError> {
         super::shape(cx, [self.segments, self.sides], |watch| {
             mesh::torus(self.radius, self.tube, self.segments as usize, self.sides as usize, watch)
         })

@@ -40,14 +40,18 @@ impl Node for FreeLattice {
     const VERSION: u32 = 1;
     const OUTPUTS: &'static [Output] = super::WARP;
 
+    fn check(&self) -> Result<(), NodeError> {
+        let Self { columns, rows, points, .. } = self;
+        if points.len() as u64 <= u64::from(*columns) * u64::from(*rows) {
+            return Ok(());
+        }
+        let message = format!("{} points are more than {columns} x {rows} control points", points.len());
+        Err(NodeError::refused(message).at("points").hint("give as many, or raise `columns` or `rows`"))
+    }
+
     fn compute(&self, cx: &Context) -> Result<Outputs, NodeError> {
         let grid = cx.get(&self.grid);
         let count = [self.columns, self.rows].map(|count| count as usize);
-        if self.points.len() > count[0] * count[1] {
-            let [columns, rows] = count;
-            let message = format!("{} points are more than {columns} x {rows} control points", self.points.len());
-            return Err(NodeError::refused(message).at("points").hint("give as many, or raise `columns` or `rows`"));
-        }
         let lattice = crate::adapt::lattice(&grid);
         let mut moves = match self.given {
             Given::Displacements => self.points.clone(),

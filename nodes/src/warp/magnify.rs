@@ -112,9 +112,20 @@ impl Node for Magnify {
     const VERSION: u32 = 1;
     const OUTPUTS: &'static [Output] = super::WARP;
 
+    fn check(&self) -> Result<(), NodeError> {
+        if self.frame != Frame::Periodic || self.method != Method::Keahey {
+            return Ok(());
+        }
+        let error = NodeError::refused("the relaxation pins the frame; it is never periodic");
+        Err(error.at("frame").hint("use method: Transport, or frame: Pin"))
+    }
+
     fn compute(&self, cx: &Context) -> Result<Outputs, NodeError> {
         let (strength, grid) = (cx.get(&self.strength), cx.get(&self.grid));
-        self.check(&grid)?;
+        if self.frame == Frame::Periodic && grid.periodic != [true, true] {
+            let error = NodeError::refused("the frame is to be periodic, and the lattice is not so in both directions");
+            return Err(error.at("grid").hint("use a Lattice with periodic: Both, or frame: Slide"));
+        }
         let lattice = super::lattice(cx, &grid)?;
         cx.reserve(grid.node_count() as u128 * size_of::<f64>() as u128)?;
         let (samples, data) = (view(&strength.samples), strength.windows.data);
@@ -146,22 +157,6 @@ impl Node for Magnify {
 }
 
 impl Magnify {
-    /// Refuses a periodic frame where nothing repeats.
-    fn check(&self, grid: &Grid) -> Result<(), NodeError> {
-        if self.frame != Frame::Periodic {
-            return Ok(());
-        }
-        if grid.periodic != [true, true] {
-            let error = NodeError::refused("the frame is to be periodic, and the lattice is not so in both directions");
-            return Err(error.at("grid").hint("use a Lattice with periodic: Both, or frame: Slide"));
-        }
-        if self.method == Method::Keahey {
-            let error = NodeError::refused("the relaxation pins the frame; it is never periodic");
-            return Err(error.at("frame").hint("use method: Transport, or frame: Pin"));
-        }
-        Ok(())
-    }
-
     fn method(&self) -> magnify::Method {
         let Self { refine, limit, weight, .. } = *self;
         let [sweeps, levels] = [self.sweeps, self.levels].map(|count| count as usize);

@@ -80,7 +80,7 @@ fn read_node(
         at: entry.at,
         animated_at: None,
     };
-    let path = Vec::new();
+    let (path, found) = (Vec::new(), report.count());
     let mut walk = Walk { node: entry.id, param: "", declared: None, source: 0, path, folder, options, report, draft };
     for param in &node_type.params {
         walk.param = &param.name;
@@ -102,7 +102,23 @@ fn read_node(
     if node_type.reads_frame {
         walk.draft.animated_at.get_or_insert((entry.at, None));
     }
-    walk.draft
+    let draft = walk.draft;
+    if report.count() == found {
+        check_together(entry, &draft, report);
+    }
+    draft
+}
+
+/// Lets the node refuse parameters that are right one by one.
+fn check_together(entry: &Entry, draft: &Draft, report: &mut Reporter) {
+    if draft.params.holes.iter().any(|hole| matches!(hole.source, Source::Keys(_))) {
+        return;
+    }
+    let Err(error) = draft.node_type.make(&Json::Object(draft.params.json.clone())).check() else { return };
+    let place = draft.param_at.iter().find(|(name, _)| Some(name.as_str()) == error.parameter);
+    let fault = Fault::new(Code::Conflict, error.message).hint(error.hint).node(entry.id);
+    let fault = Fault { parameter: error.parameter.map(str::to_owned), ..fault };
+    report.add(place.map_or(entry.at, |(_, at)| *at), fault);
 }
 
 /// What stands in the template for a parameter that is not given, or not rightly: a node can be made of it.

@@ -103,14 +103,14 @@ pub struct Decoded {
 pub enum DecodeError {
     /// Told to stop, or refused memory.
     Interrupted,
-    /// Pixels whose alpha is not 0 have numbers, or an alpha, that are not finite.
+    /// Pixels whose alpha is not 0 or below have numbers, or an alpha, that are not finite.
     NotFinite {
         /// The first of them in row order.
         pixel: [i64; 2],
         /// Count of them.
         count: u64,
     },
-    /// Alpha is 0 everywhere.
+    /// Alpha is 0 or below everywhere.
     NoSource,
 }
 
@@ -123,7 +123,8 @@ impl From<Interrupted> for DecodeError {
 /// The positions that the planes of a map stand for.
 ///
 /// Node (c, r) of the lattice is pixel (c, r) of the window; its position is [`PixelMap::position`] of its numbers, and
-/// NaN where alpha is 0. A side of one pixel has a second node that belongs 1 px farther along that side.
+/// NaN where alpha is 0, or below, as filters leave it beside a hard edge. A side of one pixel has a second node that
+/// belongs 1 px farther along that side.
 ///
 /// - `map`: what the numbers mean.
 /// - `window`: the map's pixels, not empty.
@@ -201,7 +202,7 @@ impl Tally {
     ) {
         for i in 0..from_x.len() {
             let coverage = alpha.map_or(1.0, |alpha| alpha[i]);
-            if coverage == 0.0 {
+            if coverage <= 0.0 && coverage.is_finite() {
                 self.without_source += 1;
                 continue;
             }

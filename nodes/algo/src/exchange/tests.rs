@@ -275,6 +275,8 @@ fn bad_numbers_are_named_and_empty_maps_refused() {
     assert_eq!(with(|p| (p.y[62], p.x[64]) = (f32::NAN, f32::INFINITY)), bad([12, 40], 2));
     assert_eq!(with(|p| (p.x[62], p.alpha[4]) = (f32::NAN, f32::NAN)), bad([11, 21], 2));
     assert_eq!(with(|p| (p.x[5], p.alpha[5]) = (f32::NAN, 0.0)).map(|map| map.without_source), Ok(1));
+    assert_eq!(with(|p| (p.x[5], p.alpha[5]) = (f32::NAN, -1e-3)).map(|map| map.without_source), Ok(1));
+    assert_eq!(with(|p| p.alpha[5] = f32::NEG_INFINITY), bad([12, 21], 1));
     assert_eq!(with(|p| p.alpha.fill(0.0)), Err(DecodeError::NoSource));
     assert_eq!(with(|p| p.alpha.fill(0.25)).map(|map| map.without_source), Ok(0));
 }

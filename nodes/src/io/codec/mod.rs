@@ -5,6 +5,7 @@
 
 mod color;
 mod exr;
+mod format;
 mod host;
 mod pixels;
 mod png;
@@ -14,6 +15,7 @@ mod tiff;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
+pub use format::{EXTENSIONS, Format};
 pub use host::Host;
 pub(crate) use host::NodeHost;
 use host::Within;
@@ -96,9 +98,6 @@ pub struct WriteOptions {
     pub quality: u8,
 }
 
-/// Extensions of the formats that can be written.
-pub const EXTENSIONS: [&str; 7] = ["exr", "png", "jpg", "jpeg", "tif", "tiff", "hdr"];
-
 /// Longest side of a picture, px.
 pub(crate) const MAX_SIDE: usize = 65_536;
 
@@ -140,25 +139,13 @@ pub fn encode_image(
     options: &WriteOptions,
     host: &dyn Host,
 ) -> Result<Vec<u8>, NodeError> {
-    let extension = extension.to_lowercase();
     host.go_on()?;
-    if extension == "exr" {
-        return exr::write(&color::encode(image, options.encoding, &start(host))?, options, &rest(host));
-    }
-    if EXTENSIONS.contains(&&*extension) && options.compression != Compression::Auto {
-        let message = format!("{:?} compression is of EXR; .{extension} has none to choose", options.compression);
-        return Err(NodeError::refused(message).at("compression").hint("leave `compression` out"));
-    }
-    match &*extension {
-        "png" => raster::write_png(image, options, host),
-        "jpg" | "jpeg" => raster::write_jpeg(image, options, host),
-        "hdr" => raster::write_hdr(image, options, host),
-        "tif" | "tiff" => tiff::write(image, options, host),
-        _ => {
-            let known = EXTENSIONS.map(|extension| format!(".{extension}")).join(", ");
-            let what = if extension.is_empty() { "a path without extension".into() } else { format!(".{extension}") };
-            Err(NodeError::refused(format!("{what} names no image format; it is one of {known}")).at("path"))
-        }
+    match Format::of(extension, options)? {
+        Format::Exr => exr::write(&color::encode(image, options.encoding, &start(host))?, options, &rest(host)),
+        Format::Png => raster::write_png(image, options, host),
+        Format::Jpeg => raster::write_jpeg(image, options, host),
+        Format::Hdr => raster::write_hdr(image, options, host),
+        Format::Tiff => tiff::write(image, options, host),
     }
 }
 

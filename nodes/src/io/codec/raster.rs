@@ -81,8 +81,7 @@ pub fn write_png(image: &Image, options: &WriteOptions, host: &dyn Host) -> Resu
     let depth = match (options.depth, deepest(image)) {
         (Depth::Auto, SampleType::U16) => Depth::U16,
         (Depth::Auto, _) => Depth::U8,
-        (depth @ (Depth::U8 | Depth::U16), _) => depth,
-        (depth, _) => return Err(no_such_depth(depth, "PNG", "U8 or U16")),
+        (depth, _) => depth,
     };
     let pixels = Pixels::of_image(image, depth, options.encoding, true, &start(host))?;
     png::encode(&pixels, &rest(host))
@@ -90,9 +89,6 @@ pub fn write_png(image: &Image, options: &WriteOptions, host: &dyn Host) -> Resu
 
 /// Writes a JPEG of 8 bits.
 pub fn write_jpeg(image: &Image, options: &WriteOptions, host: &dyn Host) -> Result<Vec<u8>, NodeError> {
-    if !matches!(options.depth, Depth::Auto | Depth::U8) {
-        return Err(no_such_depth(options.depth, "JPEG", "U8"));
-    }
     let pixels = Pixels::of_image(image, Depth::U8, options.encoding, false, &start(host))?;
     write(pixels, &rest(host), |image, out| {
         image.write_with_encoder(JpegEncoder::new_with_quality(out, options.quality.clamp(1, 100)))
@@ -107,9 +103,6 @@ const HDR_MAX: f32 = 1.0e38;
 
 /// Writes a Radiance HDR; grey becomes three equal colours.
 pub fn write_hdr(image: &Image, options: &WriteOptions, host: &dyn Host) -> Result<Vec<u8>, NodeError> {
-    if !matches!(options.depth, Depth::Auto | Depth::Float) {
-        return Err(no_such_depth(options.depth, "Radiance HDR", "Float"));
-    }
     let mut pixels = Pixels::of_image(image, Depth::Float, options.encoding, false, &start(host))?;
     if let (1, Samples::F32(samples)) = (pixels.samples_per_pixel(), &mut pixels.samples) {
         host.reserve(3 * size_of_val(samples.as_slice()) as u128)?;
@@ -157,11 +150,6 @@ fn dynamic(pixels: Pixels) -> DynamicImage {
         (Samples::F32(samples), _) => of!(ImageRgb32F, samples),
     };
     image.expect("a sample count that fits the size")
-}
-
-/// A format has no such depth.
-pub fn no_such_depth(depth: Depth, format: &str, allowed: &str) -> NodeError {
-    NodeError::refused(format!("{format} has no depth {depth:?}; it may be Auto, {allowed}")).at("depth")
 }
 
 fn image_error(error: ImageError) -> NodeError {

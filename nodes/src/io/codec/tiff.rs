@@ -12,7 +12,6 @@ use warploom_core::value::{Image, SampleType};
 
 use super::host::{Host, Source};
 use super::pixels::{Alpha, Pixels, Samples, deepest};
-use super::raster::no_such_depth;
 use super::{Depth, WriteOptions, check_size, plane_bytes, rest, start, unreadable, unsupported};
 
 /// Reads the first picture of a TIFF: grey or RGB, with alpha or without, 8 or 16 bits or float.
@@ -105,7 +104,6 @@ pub fn write(image: &Image, options: &WriteOptions, host: &dyn Host) -> Result<V
         (Depth::Auto, SampleType::U8) => Depth::U8,
         (Depth::Auto, SampleType::U16) => Depth::U16,
         (Depth::Auto, _) => Depth::Float,
-        (Depth::Half, _) => return Err(no_such_depth(options.depth, "TIFF", "U8, U16 or Float")),
         (depth, _) => depth,
     };
     let pixels = Pixels::of_image(image, depth, options.encoding, true, &start(host))?;

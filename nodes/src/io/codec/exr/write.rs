@@ -11,7 +11,6 @@ use warploom_core::node::NodeError;
 use warploom_core::value::{Image, Layer, Metadata, Plane, Rect, SampleType};
 
 use super::super::host::Host;
-use super::super::raster::no_such_depth;
 use super::super::{Compression, Depth, MAX_SIDE, WriteOptions};
 use super::blocks::Blocks;
 use super::header::{self, ATTRIBUTE, COMPRESSION, ChannelHeader, Part};
@@ -26,9 +25,6 @@ const BLOCK_HEAD: usize = 12;
 /// file must have names that differ: one that is empty or taken becomes `partN`. A layer without pixels becomes one
 /// zero pixel at the top left of the display window, which looks the same.
 pub fn write(image: &Image, options: &WriteOptions, host: &dyn Host) -> Result<Vec<u8>, NodeError> {
-    if matches!(options.depth, Depth::U8 | Depth::U16) {
-        return Err(no_such_depth(options.depth, "EXR", "Half or Float"));
-    }
     let layers: Vec<&Layer> = image.layers.iter().filter(|layer| !layer.channels.is_empty()).collect();
     if layers.is_empty() {
         return Err(NodeError::refused("the picture has no channels; there is nothing to write").at("image"));

@@ -1,0 +1,68 @@
+//! Formats that can be written, and what each can hold.
+
+use warploom_core::node::NodeError;
+
+use super::{Compression, Depth, WriteOptions};
+
+/// Extensions of the formats that can be written.
+pub const EXTENSIONS: [&str; 7] = ["exr", "png", "jpg", "jpeg", "tif", "tiff", "hdr"];
+
+/// A format that can be written.
+#[derive(Clone, Copy, PartialEq)]
+pub enum Format {
+    /// OpenEXR.
+    Exr,
+    /// PNG.
+    Png,
+    /// JPEG.
+    Jpeg,
+    /// TIFF.
+    Tiff,
+    /// Radiance HDR.
+    Hdr,
+}
+
+impl Format {
+    /// The format that `extension` (without the dot, in any case) names, if it has what `options` asks for.
+    pub fn of(extension: &str, options: &WriteOptions) -> Result<Self, NodeError> {
+        let extension = extension.to_lowercase();
+        let format = match &*extension {
+            "exr" => Self::Exr,
+            "png" => Self::Png,
+            "jpg" | "jpeg" => Self::Jpeg,
+            "tif" | "tiff" => Self::Tiff,
+            "hdr" => Self::Hdr,
+            _ => return Err(no_format(&extension)),
+        };
+        if format != Self::Exr && options.compression != Compression::Auto {
+            let message = format!("{:?} compression is of EXR; .{extension} has none to choose", options.compression);
+            return Err(NodeError::refused(message).at("compression").hint("leave `compression` out"));
+        }
+        let (name, depths) = format.depths();
+        if options.depth != Depth::Auto && !depths.contains(&options.depth) {
+            let allowed: Vec<_> = depths.iter().map(|depth| format!("{depth:?}")).collect();
+            let message = format!("{name} has no depth {:?}; it may be Auto, {}", options.depth, allowed.join(" or "));
+            return Err(NodeError::refused(message).at("depth").hint("leave `depth` out"));
+        }
+        Ok(format)
+    }
+
+    /// Its name, and the depths it has.
+    fn depths(self) -> (&'static str, &'static [Depth]) {
+        match self {
+            Self::Exr => ("EXR", &[Depth::Half, Depth::Float]),
+            Self::Png => ("PNG", &[Depth::U8, Depth::U16]),
+            Self::Jpeg => ("JPEG", &[Depth::U8]),
+            Self::Tiff => ("TIFF", &[Depth::U8, Depth::U16, Depth::Float]),
+            Self::Hdr => ("Radiance HDR", &[Depth::Float]),
+        }
+    }
+}
+
+fn no_format(extension: &str) -> NodeError {
+    let known = EXTENSIONS.map(|extension| format!(".{extension}")).join(", ");
+    let what = if extension.is_empty() { "a path without extension".into() } else { format!(".{extension}") };
+    NodeError::refused(format!("{what} names no image format; it is one of {known}"))
+        .at("path")
+        .hint("end the path in one of them")
+}
