@@ -23,6 +23,7 @@ pub mod poisson;
 pub mod rect;
 pub mod resample;
 mod room;
+pub mod similarity;
 mod steps;
 pub mod transfer;
 pub mod view;
