@@ -11,6 +11,7 @@ pub mod composite;
 pub mod detail;
 mod dissection;
 pub mod draw;
+pub mod edit;
 pub mod exchange;
 pub mod feature;
 mod fourier;

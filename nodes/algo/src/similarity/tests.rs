@@ -264,8 +264,7 @@ proptest! {
     }
 
     #[test]
-    fn channels_and_mirror_images_are_alike(x in 0usize..21, y in 0usize..17, seed in 0usize..99) {
-        // Odd sides: each level of the mirror image is the mirror image of the level.
+    fn channels_and_axes_are_alike(x in 0usize..21, y in 0usize..17, seed in 0usize..99) {
         let (picture, size) = (Picture::new([21, 17], seed), [21, 17]);
         let made = |picture: &Picture, point| map(&picture.guide(7, &[0, 1, 2], Boundary::Mirror), &[point]);
         let expected = made(&picture, [x, y]);
