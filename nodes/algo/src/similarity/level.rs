@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use super::Boundary;
 use super::kernel::BLOCK;
 use crate::poisson::simd::vectorized;
-use crate::view::ViewMut;
+use crate::view::{View, ViewMut};
 use crate::{Interrupted, Watch};
 
 /// Two codes that are multiplied together.
@@ -22,12 +22,11 @@ pub(super) fn disc(diameter: usize) -> Vec<usize> {
     (-radius..=radius).map(|dy| (0..=radius).rev().find(|&dx| holds(dx, dy)).unwrap_or(0) as usize).collect()
 }
 
-/// Bytes that a level of a size holds, and those that it takes besides while it is made.
-pub(super) fn bytes(size: [usize; 2], diameter: usize) -> [usize; 2] {
-    let border = diameter - 1;
-    let ([width, height], padded) = ([size[0].next_multiple_of(BLOCK), size[1]], size[1] + border);
-    let pairs = (width + border) * padded * 2 * size_of::<Pair>();
-    [pairs + width * height * size_of::<i32>(), (width + border) * padded * size_of::<i32>()]
+/// Bytes that a level of a size holds.
+pub(super) fn bytes(size: [usize; 2], diameter: usize) -> usize {
+    let (columns, border) = (size[0].next_multiple_of(BLOCK), diameter - 1);
+    let pairs = (columns + border) * (size[1] + border) * 2 * size_of::<Pair>();
+    pairs + columns * size[1] * size_of::<i32>()
 }
 
 /// Pixels with as many beyond each border as a neighbourhood reaches, and the sum of squares around each.
@@ -52,27 +51,34 @@ pub(super) struct Probe {
     pub squares: i32,
 }
 
+/// Rows of sums of squares that are made together.
+const ROWS: usize = 32;
+
 impl Level {
     pub fn new(
         number: u32,
-        planes: &[Vec<u8>; 3],
-        size: [usize; 2],
+        planes: &[View<u8>; 3],
         diameter: usize,
         boundary: Boundary,
         watch: Watch,
     ) -> Result<Self, Interrupted> {
-        let ([width, height], reach) = (size, diameter / 2);
+        let size @ [width, height] = [planes[0].width(), planes[0].height()];
+        let reach = diameter / 2;
         let (stride, rows) = (width.next_multiple_of(BLOCK) + 2 * reach, height + 2 * reach);
         let mut pairs = vec![[0; 2]; 2 * stride * rows];
         let (red_green, blue) = pairs.split_at_mut(stride * rows);
-        let columns: Vec<usize> =
-            (0..width + 2 * reach).map(|x| boundary.inside(x as isize - reach as isize, width)).collect();
-        let row = |plane: usize, y: usize| {
-            &planes[plane][boundary.inside(y as isize - reach as isize, height) * width..][..width]
-        };
+        let row = |plane: usize, y: usize| planes[plane].row(boundary.inside(y as isize - reach as isize, height));
         let filled = |out: &mut [Pair], first: &[u8], second: &[u8]| {
-            for (out, &column) in out.iter_mut().zip(&columns) {
-                *out = [first[column].into(), second[column].into()];
+            vectorized(
+                #[inline(always)]
+                || {
+                    for (out, (first, second)) in out[reach..].iter_mut().zip(first.iter().zip(second)) {
+                        *out = [i16::from(*first), i16::from(*second)];
+                    }
+                },
+            );
+            for x in (0..reach).chain(reach + width..width + 2 * reach) {
+                out[x] = out[reach + boundary.inside(x as isize - reach as isize, width)];
             }
             watch.go_on()
         };
@@ -83,49 +89,57 @@ impl Level {
         Ok(level)
     }
 
-    /// The sum of the squares around each pixel: along rows a difference of sums from the row's start on, which may wrap.
+    /// The sum of the squares around each pixel.
     fn sums_of_squares(&self, watch: Watch) -> Result<Vec<i32>, Interrupted> {
-        let (reach, stride, half) = (self.reach(), self.stride, self.pairs.len() / 2);
-        let mut until = vec![0i32; half];
-        until.par_chunks_mut(stride).enumerate().try_for_each(|(y, until)| {
-            let row = y * stride..(y + 1) * stride;
-            let (red_green, blue) = (&self.pairs[row.clone()], &self.pairs[half..][row]);
-            let mut sum = 0i32;
-            for ((until, rg), b) in until.iter_mut().zip(red_green).zip(blue) {
-                let [r, g, b] = [rg[0], rg[1], b[0]].map(i32::from);
-                sum = sum.wrapping_add(r * r + g * g + b * b);
-                *until = sum;
-            }
-            watch.go_on()
-        })?;
-        let mut squares = vec![0i32; self.columns() * self.size[1]];
-        squares.par_chunks_mut(self.columns()).enumerate().try_for_each(|(y, out)| {
-            for (dy, &wide) in self.disc.iter().enumerate() {
-                let row = &until[(y + dy) * stride..][..stride];
-                let mut add = || {
-                    let last = &row[reach + wide..];
-                    match (reach - wide).checked_sub(1) {
-                        Some(before) => {
-                            out.iter_mut().zip(last).zip(&row[before..]).for_each(|((out, last), before)| {
-                                *out = out.wrapping_add(last.wrapping_sub(*before));
-                            })
-                        }
-                        None => {
-                            out[0] = out[0].wrapping_add(last[0]);
-                            out[1..].iter_mut().zip(&last[1..]).zip(row).for_each(|((out, last), before)| {
-                                *out = out.wrapping_add(last.wrapping_sub(*before));
-                            });
-                        }
-                    }
-                };
+        let mut squares = vec![0; self.columns() * self.size[1]];
+        let scratch = || (vec![0; self.stride], vec![0; self.columns()]);
+        let bands = squares.par_chunks_mut(ROWS * self.columns()).enumerate();
+        bands.try_for_each_init(scratch, |(row, sums), (band, out)| {
+            let (top, rows) = (band * ROWS, out.len() / self.columns());
+            for y in top..top + rows + 2 * self.reach() {
                 vectorized(
                     #[inline(always)]
-                    || add(),
+                    || self.squares_of_row(y, row),
+                );
+                vectorized(
+                    #[inline(always)]
+                    || self.add_row(y, top, row, sums, out),
                 );
             }
             watch.go_on()
         })?;
         Ok(squares)
+    }
+
+    /// The squares of a row of pairs.
+    #[inline(always)]
+    fn squares_of_row(&self, y: usize, out: &mut [i32]) {
+        let row = y * self.stride..(y + 1) * self.stride;
+        let (red_green, blue) = (&self.pairs[row.clone()], &self.pairs[self.pairs.len() / 2..][row]);
+        for (out, (rg, b)) in out.iter_mut().zip(red_green.iter().zip(blue)) {
+            let [r, g, b] = [i32::from(rg[0]), i32::from(rg[1]), i32::from(b[0])];
+            *out = r * r + g * g + b * b;
+        }
+    }
+
+    /// Adds a row's squares to the sums, from row `top` on, whose discs meet it: the same along the row for all rows of
+    /// a disc that are as wide.
+    #[inline(always)]
+    fn add_row(&self, y: usize, top: usize, row: &[i32], sums: &mut [i32], out: &mut [i32]) {
+        let (reach, columns) = (self.reach(), sums.len());
+        sums.copy_from_slice(&row[reach..reach + columns]);
+        for wide in 0..=reach {
+            if wide > 0 {
+                let (left, right) = (&row[reach - wide..][..columns], &row[reach + wide..][..columns]);
+                sums.iter_mut().zip(left.iter().zip(right)).for_each(|(sum, (left, right))| *sum += left + right);
+            }
+            let below = self.disc.iter().enumerate().filter(|(_, of_disc)| **of_disc == wide);
+            for at in below.filter_map(|(dy, _)| y.checked_sub(top + dy)) {
+                if let Some(out) = out.get_mut(at * columns..(at + 1) * columns) {
+                    out.iter_mut().zip(&*sums).for_each(|(out, sum)| *out += sum);
+                }
+            }
+        }
     }
 
     fn reach(&self) -> usize {

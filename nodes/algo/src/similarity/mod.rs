@@ -103,7 +103,7 @@ pub fn guide(
     boundary: Boundary,
     watch: Watch,
 ) -> Result<Guide, Interrupted> {
-    let size = [planes[0].width(), planes[0].height()];
+    let mut size = [planes[0].width(), planes[0].height()];
     assert!(planes.iter().all(|plane| [plane.width(), plane.height()] == size), "planes of one size");
     assert!(diameter % 2 == 1 && diameter <= MOST_DIAMETER, "diameter {diameter}");
     let mut wanted = levels.to_vec();
@@ -116,21 +116,23 @@ pub fn guide(
         return Ok(guide);
     }
     let mut room = Room::new(watch);
-    room.phase(3 * size[0] * size[1])?;
-    let mut planes = planes.each_ref().map(|plane| plane.rows().collect::<Vec<_>>().concat());
-    let mut size = size;
+    // The last level of the pyramid, but for the first, which is the picture.
+    let mut made: Option<[Vec<u8>; 3]> = None;
     for number in 0..=last {
-        let (pixels, held) = (size[0] * size[1], guide.bytes());
+        let own = made.iter().flatten().map(Vec::len).sum::<usize>();
+        let views = match &made {
+            None => *planes,
+            Some(made) => made.each_ref().map(|plane| View::packed(plane, size[0], size[1])),
+        };
         if wanted.contains(&number) {
-            let [kept, scratch] = level::bytes(size, diameter);
-            room.phase(held + 3 * pixels + kept + scratch)?;
-            guide.levels.push(Level::new(number, &planes, size, diameter, boundary, watch)?);
+            room.phase(guide.bytes() + own + level::bytes(size, diameter))?;
+            guide.levels.push(Level::new(number, &views, diameter, boundary, watch)?);
         }
         if number < last {
             let next = pyramid::halved(size);
-            room.phase(guide.bytes() + 3 * (pixels + next[0] * next[1]))?;
-            let [r, g, b] = planes.each_ref().map(|plane| pyramid::down(plane, size, boundary, watch));
-            (planes, size) = ([r?, g?, b?], next);
+            room.phase(guide.bytes() + own + 3 * next[0] * next[1])?;
+            let [r, g, b] = views.map(|plane| pyramid::down(&plane, boundary, watch));
+            (made, size) = (Some([r?, g?, b?]), next);
         }
     }
     Ok(guide)

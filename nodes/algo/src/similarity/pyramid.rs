@@ -4,6 +4,7 @@ use rayon::prelude::*;
 
 use super::Boundary;
 use crate::poisson::simd::vectorized;
+use crate::view::View;
 use crate::{Interrupted, Watch};
 
 impl Boundary {
@@ -28,11 +29,12 @@ pub(super) fn halved(size: [usize; 2]) -> [usize; 2] {
 }
 
 /// The next level: [1 4 6 4 1] / 16 along both axes, rounded, of even columns and rows.
-pub(super) fn down(plane: &[u8], size: [usize; 2], boundary: Boundary, watch: Watch) -> Result<Vec<u8>, Interrupted> {
-    let ([width, height], [out_width, out_height]) = (size, halved(size));
+pub(super) fn down(plane: &View<u8>, boundary: Boundary, watch: Watch) -> Result<Vec<u8>, Interrupted> {
+    let size @ [width, height] = [plane.width(), plane.height()];
+    let [out_width, out_height] = halved(size);
     let mut out = vec![0; out_width * out_height];
-    let row = |y: isize| &plane[boundary.inside(y, height) * width..][..width];
-    let sums = || vec![0u16; 2 * out_width + 3];
+    let row = |y: isize| plane.row(boundary.inside(y, height));
+    let sums = || vec![0u16; 2 * out_width + 4];
     out.par_chunks_mut(out_width).enumerate().try_for_each_init(sums, |sums, (y, out)| {
         let rows = [-2, -1, 0, 1, 2].map(|dy| row(2 * y as isize + dy));
         vectorized(
@@ -52,9 +54,10 @@ pub(super) fn down(plane: &[u8], size: [usize; 2], boundary: Boundary, watch: Wa
         vectorized(
             #[inline(always)]
             || {
-                for (x, out) in out.iter_mut().enumerate() {
-                    let [a, b, c, d, e] = sums[2 * x..2 * x + 5] else { unreachable!("five sums") };
-                    *out = ((a + 4 * (b + d) + 6 * c + e + 128) >> 8) as u8;
+                let (sums, _) = sums.as_chunks::<2>();
+                for (out, ((first, second), third)) in out.iter_mut().zip(sums.iter().zip(&sums[1..]).zip(&sums[2..])) {
+                    let sum = first[0] + 4 * (first[1] + second[1]) + 6 * second[0] + third[0];
+                    *out = ((sum + 128) >> 8) as u8;
                 }
             },
         );
