@@ -4,6 +4,7 @@
 mod adapt;
 pub mod card;
 pub mod detail;
+pub mod edit;
 pub mod feature;
 pub mod grid;
 pub mod handles;
@@ -13,6 +14,7 @@ pub mod mask;
 pub mod mesh;
 #[cfg(test)]
 mod refusals;
+pub mod similarity;
 pub mod time;
 pub mod warp;
 
@@ -29,6 +31,7 @@ pub const NODES: &[Definition] = &[
     def::<warp::Blend>("Blend"),
     def::<warp::Bulge>("Bulge"),
     def::<card::Checker>("Checker"),
+    def::<edit::Clone>("Clone"),
     def::<mask::Combine>("Combine"),
     def::<mask::Components>("Components"),
     def::<warp::Compose>("Compose"),
@@ -56,6 +59,7 @@ pub const NODES: &[Definition] = &[
     def::<io::LoadWarp>("LoadWarp"),
     def::<warp::Magnify>("Magnify"),
     def::<image::Over>("Over"),
+    def::<edit::Paint>("Paint"),
     def::<warp::Perspective>("Perspective"),
     def::<mask::Polygon>("Polygon"),
     def::<card::Ramp>("Ramp"),
@@ -68,6 +72,8 @@ pub const NODES: &[Definition] = &[
     def::<warp::ShellLower>("ShellLower"),
     def::<warp::ShellUpper>("ShellUpper"),
     def::<detail::SimilarSets>("SimilarSets"),
+    def::<similarity::Similarity>("Similarity"),
+    def::<similarity::SimilarityGuide>("SimilarityGuide"),
     def::<mesh::Sphere>("Sphere"),
     def::<warp::Squeeze>("Squeeze"),
     def::<warp::Stretch>("Stretch"),

@@ -18,7 +18,7 @@ const STAGE: &str = r#"
     "right": Polygon(domain: "plate", points: [(16.0, 5.0), (25.0, 5.0), (25.0, 25.0), (16.0, 25.0)]),
     "both": Combine(masks: ["left", "right"]), "pair": Components(mask: "both"),
     "joined": FeatureFactor(grid: "grid", features: "pair", exact: Rigid),
-    "back": Invert(warp: "warp", gives: OtherWay, grid: "grid"),
+    "back": Invert(warp: "warp", gives: OtherWay, grid: "grid"), "guide": SimilarityGuide(image: "plate"),
 "#;
 
 #[test]
@@ -134,6 +134,42 @@ fn refusals_have_values_and_a_mend() {
             Some("fit"),
             "a size and fit exclude each other".into(),
             "leave one of them out",
+        ),
+        (
+            r#"Similarity(guide: "guide", at: [(3.0, 3.0), (40.0, 12.5)])"#,
+            Some("at"),
+            "at[1] is (40, 12.5), outside the picture, which covers x from 0 to 40 and y from 0 to 30".into(),
+            "move it onto the picture",
+        ),
+        (
+            r#"Similarity(guide: "guide", at: [])"#,
+            Some("at"),
+            "there are no selection points; at least one is needed".into(),
+            "give the centre of a pixel, such as [(0.5, 0.5)]",
+        ),
+        (
+            r#"SimilarityGuide(image: "plate", diameter: 6)"#,
+            Some("diameter"),
+            "the diameter is 6; it may be odd, 1 to 21".into(),
+            "use 5 or 7",
+        ),
+        (
+            r#"SimilarityGuide(image: "plate", levels: [])"#,
+            Some("levels"),
+            "there are no levels".into(),
+            "compare the picture: [0]",
+        ),
+        (
+            r#"SimilarityGuide(image: "plate", levels: [0, 1, 0])"#,
+            Some("levels"),
+            "levels[0] and levels[2] are both 0".into(),
+            "name each level once",
+        ),
+        (
+            r#"SimilarityGuide(image: "plate", levels: [0, 7])"#,
+            Some("levels"),
+            "levels[1] is 7; a picture of 40 x 30 px has levels 0 to 6".into(),
+            "leave it out",
         ),
         (
             r#"Invert(warp: "flat")"#,

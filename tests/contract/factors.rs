@@ -11,6 +11,7 @@ fn another_solvers_factor_is_refused() {
     for (name, port, source, message) in [
         ("Handles", "factor", "factor", "the factor is another solver's (\"feature-aware\")"),
         ("FeatureWarp", "factor", "pins", "the factor is another solver's (\"handles\")"),
+        ("Similarity", "guide", "sets", "the factor is another solver's (\"similar-sets\")"),
         ("Detail", "sets", "pins", "the factor is another solver's (\"handles\")"),
     ] {
         let node_type = node_types().find(|node_type| &*node_type.name == name).expect("it is in the list");

@@ -35,7 +35,7 @@ pub fn sources(kind: Kind) -> &'static [&'static str] {
         Kind::Warp => {
             &["warp", "turned", "finely", "given.backward", "given.wild", "given.far", "given.collapsed", "plain.far"]
         }
-        Kind::Factor => &["factor", "stiff", "pins", "fine_pins", "sets", "plain_sets"],
+        Kind::Factor => &["factor", "stiff", "pins", "fine_pins", "sets", "plain_sets", "guide", "plain_guide"],
         Kind::Points => &["given.points", "plain.points"],
         Kind::Mesh => &["given.mesh", "plain.mesh", "ball", "given.bare", "given.ragged"],
         Kind::Number => &["given.number", "plain.number"],
@@ -49,7 +49,16 @@ fn usual(node_type: &NodeType, kind: Kind) -> &'static str {
     match (kind, &*node_type.name) {
         (Kind::Factor, "Handles") => "pins",
         (Kind::Factor, "Detail") => "sets",
+        (Kind::Factor, "Similarity") => "guide",
         _ => sources(kind)[0],
+    }
+}
+
+/// The usual value of a parameter that must be given: of points on a picture, one that lies on every picture.
+fn given(node_type: &NodeType, param: &str, shape: &Shape, which: Which) -> String {
+    match (&*node_type.name, param) {
+        ("Similarity", "at") => "[(0.5, 0.5)]".into(),
+        _ => texts::sample(shape, &format!("{which:?}")),
     }
 }
 
@@ -69,7 +78,7 @@ impl Subject {
     pub fn new(node_type: &'static NodeType, which: Which) -> Self {
         let ports = node_type.ports().map(|(param, port)| (param.name.clone(), usual(node_type, port.kinds[0])));
         let missing = node_type.params.iter().filter(|p| p.required && !matches!(p.shape, Shape::Port(_)));
-        let params = missing.map(|p| (p.name.clone(), texts::sample(&p.shape, &format!("{which:?}"))));
+        let params = missing.map(|p| (p.name.clone(), given(node_type, &p.name, &p.shape, which)));
         let none = Self { node_type, which, ports: ports.collect(), params: BTreeMap::new() };
         params.fold(none, |subject, (name, text)| subject.with(&name, &text))
     }
@@ -139,6 +148,8 @@ impl Subject {
     "fine_pins": HandleFactor(grid: "fine"),
     "sets": SimilarSets(image: "given.image"),
     "plain_sets": SimilarSets(image: "plain.image"),
+    "guide": SimilarityGuide(image: "given.image"),
+    "plain_guide": SimilarityGuide(image: "plain.image"),
     "ball": Sphere(segments: 12, rings: 6),
     "it": {}({}),
 }})"#,

@@ -7,13 +7,16 @@ pub use resynthesis::Detail;
 pub use similar_sets::SimilarSets;
 
 use warploom_core::node::NodeError;
-use warploom_core::value::{Buffer, Layer, Plane};
+use warploom_core::value::{Buffer, Image, Layer, Plane};
 
 /// The channels that carry a layer's colour: R, G and B, or Y alone.
-const COLOUR: [&[&str]; 2] = [&["R", "G", "B"], &["Y"]];
+pub(crate) const COLOUR: [&[&str]; 2] = [&["R", "G", "B"], &["Y"]];
 
-/// The names and planes of a layer's colour; Y stands for all three.
-fn colour(layer: &Layer) -> Result<(&'static [&'static str], [&Buffer<f32>; 3]), NodeError> {
+/// The names and planes of the colour of the layer on a port; Y stands for all three.
+pub(crate) fn colour<'a>(
+    layer: &'a Layer,
+    port: &'static str,
+) -> Result<(&'static [&'static str], [&'a Buffer<f32>; 3]), NodeError> {
     let plane = |name: &&str| match layer.channel(name).map(|channel| &channel.plane) {
         Some(Plane::F32(plane)) => Some(plane),
         _ => None,
@@ -22,6 +25,17 @@ fn colour(layer: &Layer) -> Result<(&'static [&'static str], [&Buffer<f32>; 3]),
         let planes: Vec<&Buffer<f32>> = names.iter().filter_map(plane).collect();
         (planes.len() == names.len()).then(|| (*names, [0, 1, 2].map(|i| planes[i % planes.len()])))
     });
-    found
-        .ok_or_else(|| NodeError::refused("the picture needs channels R, G and B, or Y, that hold numbers").at("image"))
+    found.ok_or_else(|| NodeError::refused("the picture needs channels R, G and B, or Y, that hold numbers").at(port))
+}
+
+/// A picture with other planes for some channels of its first layer, which it has.
+pub(crate) fn with_planes(image: &Image, names: &[&str], planes: impl IntoIterator<Item = Buffer<f32>>) -> Image {
+    let mut layers = image.layers.clone();
+    let mut channels = layers[0].channels.clone();
+    for (name, plane) in names.iter().zip(planes) {
+        let channel = channels.iter_mut().find(|channel| &*channel.name == *name).expect("the layer has it");
+        channel.plane = Plane::F32(plane);
+    }
+    layers[0] = Layer { channels, ..layers[0].clone() };
+    Image { layers, ..image.clone() }
 }

@@ -5,7 +5,7 @@ use warploom_algo::detail::{self, Settings, SimilarSets};
 use warploom_algo::lattice::Positions;
 use warploom_algo::resample;
 use warploom_core::node::{Context, In, Node, NodeError, Output, Outputs};
-use warploom_core::value::{Channel, Factor, Image, Kind, Layer, Plane, Warp};
+use warploom_core::value::{BufferMut, Factor, Image, Kind, Layer, Warp};
 
 use crate::adapt::{lattice, map, positions, solver, view, view_mut, watched, window};
 
@@ -58,7 +58,7 @@ impl Node for Detail {
         let (image, warp, factor) = (cx.get(&self.image), cx.get(&self.warp), cx.get(&self.sets));
         let sets: &SimilarSets = solver(&factor, "sets", "SimilarSets")?;
         let layer = image.primary();
-        let (names, planes) = super::colour(layer)?;
+        let (names, planes) = super::colour(layer, "image")?;
         let (width, height) = (layer.data.width(), layer.data.height());
         let mut origins = self.origins(cx, &warp, layer)?;
         cx.reserve((width * height * size_of::<f32>()) as u128)?;
@@ -69,16 +69,8 @@ impl Node for Detail {
         let outs = out.iter_mut().map(view_mut).collect::<Vec<_>>().try_into().expect("three planes");
         let (views, settings) = (planes.map(view), self.settings());
         let done = watched(cx, |watch| detail::detail(sets, &views, &magnification, &origins, &settings, outs, watch))?;
-        let mut made = out.into_iter();
-        let mut channels = layer.channels.clone();
-        for name in names {
-            let plane = Plane::F32(made.next().expect("one per name").freeze());
-            let channel = channels.iter_mut().find(|channel| &*channel.name == *name).expect("it was found");
-            *channel = Channel { plane, ..channel.clone() };
-        }
-        let mut layers = image.layers.clone();
-        layers[0] = Layer { channels, ..layer.clone() };
-        Ok(Outputs::from(Image { layers, ..(*image).clone() })
+        let made = out.into_iter().map(BufferMut::freeze);
+        Ok(Outputs::from(super::with_planes(&image, names, made))
             .stat("pixels", done.pixels)
             .stat("blur", done.blur)
             .stat("residual_taken", done.residual[0])

@@ -48,7 +48,7 @@ impl Node for SimilarSets {
     fn compute(&self, cx: &Context) -> Result<Outputs, NodeError> {
         let image = cx.get(&self.image);
         let layer = image.primary();
-        let (names, planes) = super::colour(layer)?;
+        let (names, planes) = super::colour(layer, "image")?;
         let encoding = match self.encoding {
             Encoding::Srgb => detail::Encoding::Srgb,
             Encoding::Linear => detail::Encoding::Linear,

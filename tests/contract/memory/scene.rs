@@ -160,6 +160,7 @@ pub fn cases() -> Vec<Case> {
         r#"Torus(segments: 900, sides: 700)"#,
         r#"Render(mesh: "ball", texture: "a.image", size: (WIDTH, HEIGHT), distance: 2.5)"#,
         r#"Render(mesh: "ball", texture: "small", size: (320, 240), samples: 8, edge_u: Wrap)"#,
+        r#"Clone(base: "a.image", mask: "a.dots", texture: "b.image", offset: (70.0, 30.0))"#,
         r#"Combine(masks: ["a.dots", "b.discs", "b.dots"])"#,
         r#"Components(mask: "a.discs")"#,
         r#"Components(mask: "a.dots", connectivity: Four)"#,
@@ -192,6 +193,7 @@ pub fn cases() -> Vec<Case> {
         r#"Magnify(strength: "a.discs", grid: "coarse", method: Keahey, sweeps: 2, levels: 3)"#,
         r#"Over(images: ["a.image", "b.image"])"#,
         r#"Over(images: ["a.image", "b.image", "a.image", "b.image"])"#,
+        r#"Paint(base: "a.image", mask: "a.dots", mode: Brightness)"#,
         r#"Polygon(domain: "a.image", points: [(3.0, 5.0), (900.0, 40.0), (70.0, 800.0)], feather: 40.0)"#,
         r#"Polygon(domain: "a.image", points: [(3.0, 5.0), (900.0, 40.0), (70.0, 800.0)])"#,
         r#"Resample(image: "a.image", warp: "wave")"#,
@@ -202,6 +204,10 @@ pub fn cases() -> Vec<Case> {
         r#"Resample(image: "specks", warp: "wave")"#,
         r#"SimilarSets(image: "a.image")"#,
         r#"SimilarSets(image: "a.image", encoding: Linear, levels: 1)"#,
+        r#"Similarity(guide: "guide", at: [(9.5, 9.5)], quantile: 0.2, within: "a.dots")"#,
+        r#"Similarity(guide: "guide", at: [(9.5, 9.5), (70.0, 80.0), (500.0, 300.0), (2.0, 2.0)])"#,
+        r#"SimilarityGuide(image: "a.image")"#,
+        r#"SimilarityGuide(image: "a.image", diameter: 21, levels: [3], boundary: Wrap)"#,
         r#"Threshold(image: "a.image", channel: "luma", above: 0.3)"#,
         r#"Threshold(image: "a.image", channel: "G", above: 0.3)"#,
     ];
@@ -297,6 +303,7 @@ pub fn run(
     "drawn": Resample(image: "a.image", warp: "larger", crop: true),
     "sets": SimilarSets(image: "a.image"),
     "small_sets": SimilarSets(image: "small"),
+    "guide": SimilarityGuide(image: "a.image"),
     "it": {text},
 }})"#
     );

@@ -1,0 +1,258 @@
+//! How alike pixels' surroundings are (Brooks, Dodgson 2002).
+//!
+//! What depends on the picture alone is a [`Guide`]; a new point costs one sum of products per pixel and member of the
+//! neighbourhood. All sums are of whole numbers: their order, and so threads and vectors, cannot matter.
+
+mod codes;
+mod kernel;
+mod level;
+mod pyramid;
+mod quantile;
+
+pub use codes::codes;
+pub use quantile::quantile;
+
+use rayon::prelude::*;
+
+use crate::poisson::simd::vectorized;
+use crate::room::Room;
+use crate::steps::Steps;
+use crate::view::{View, ViewMut};
+use crate::{Interrupted, Watch};
+use level::{Level, Probe};
+
+/// What of scene-linear samples is compared.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Encoding {
+    /// Their sRGB encoding, near to how differences are seen.
+    Srgb,
+    /// Themselves.
+    Linear,
+}
+
+/// What lies beyond the picture's border.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Boundary {
+    /// The other side: the picture is a tile.
+    Wrap,
+    /// The picture mirrored at its outermost pixels, which are not repeated.
+    Mirror,
+    /// The outermost pixel.
+    Clamp,
+}
+
+/// Greatest diameter of a neighbourhood, px.
+pub const MOST_DIAMETER: usize = 21;
+
+/// Coarsest level of any picture.
+pub const COARSEST: u32 = 12;
+
+/// The coarsest level that serves a picture: its pixels lie at most twice as far apart as the longer side is long.
+pub fn coarsest(size: [usize; 2]) -> u32 {
+    (size[0].max(size[1]).max(1).ilog2() + 1).min(COARSEST)
+}
+
+/// A picture made ready for comparisons with any of its pixels.
+pub struct Guide {
+    size: [usize; 2],
+    diameter: usize,
+    /// Finest first.
+    levels: Vec<Level>,
+}
+
+impl Guide {
+    /// Columns and rows.
+    pub fn size(&self) -> [usize; 2] {
+        self.size
+    }
+
+    /// Diameter of neighbourhoods, px of each level.
+    pub fn diameter(&self) -> usize {
+        self.diameter
+    }
+
+    /// Memory it holds.
+    pub fn bytes(&self) -> usize {
+        self.levels.iter().map(Level::bytes).sum()
+    }
+}
+
+/// Makes a picture ready for comparisons.
+///
+/// Level 0 is the picture; level n + 1 is level n after the filter [1 4 6 4 1] / 16 along both axes, rounded to whole
+/// codes, even columns and rows kept. For each level listed the sums of squares over all neighbourhoods are made: the
+/// pixels at distances of 4 (dx^2 + dy^2) <= diameter^2, 21 of them for a diameter of 5, 69 for 9.
+///
+/// - `planes`: R, G, B as codes 0..=255, any size, see [`codes`](codes()).
+/// - `diameter`: odd, 1..=[`MOST_DIAMETER`] (asserted), px of each level.
+/// - `levels`: at least one, no number twice, each at most [`coarsest`] (asserted).
+/// - `boundary`: what lies beyond the border, for the filter and for neighbourhoods.
+/// - `watch`: asked for the memory taken, and now and then whether to go on.
+///
+/// A picture without pixels gives a guide without pixels. With [`Boundary::Wrap`] a side that a level halves although it
+/// is odd is no tile on that level.
+///
+/// Cost: linear, per pixel O(diameter).
+///
+/// S. Brooks and N. Dodgson, "Self-similarity based texture editing", SIGGRAPH 2002, section 3. P. Burt and E. Adelson
+/// 1983 (the filter).
+pub fn guide(
+    planes: &[View<u8>; 3],
+    diameter: usize,
+    levels: &[u32],
+    boundary: Boundary,
+    watch: Watch,
+) -> Result<Guide, Interrupted> {
+    let mut size = [planes[0].width(), planes[0].height()];
+    assert!(planes.iter().all(|plane| [plane.width(), plane.height()] == size), "planes of one size");
+    assert!(diameter % 2 == 1 && diameter <= MOST_DIAMETER, "diameter {diameter}");
+    let mut wanted = levels.to_vec();
+    wanted.sort_unstable();
+    assert!(!wanted.is_empty() && wanted.windows(2).all(|pair| pair[0] < pair[1]), "levels {levels:?}");
+    let last = wanted[wanted.len() - 1];
+    assert!(last <= coarsest(size), "level {last} of {size:?}");
+    let mut guide = Guide { size, diameter, levels: Vec::new() };
+    if size.contains(&0) {
+        return Ok(guide);
+    }
+    let mut room = Room::new(watch);
+    // The last level of the pyramid, but for the first, which is the picture.
+    let mut made: Option<[Vec<u8>; 3]> = None;
+    for number in 0..=last {
+        let own = made.iter().flatten().map(Vec::len).sum::<usize>();
+        let views = match &made {
+            None => *planes,
+            Some(made) => made.each_ref().map(|plane| View::packed(plane, size[0], size[1])),
+        };
+        if wanted.contains(&number) {
+            room.phase(guide.bytes() + own + level::bytes(size, diameter))?;
+            guide.levels.push(Level::new(number, &views, diameter, boundary, watch)?);
+        }
+        if number < last {
+            let next = pyramid::halved(size);
+            room.phase(guide.bytes() + own + 3 * next[0] * next[1])?;
+            let [r, g, b] = views.map(|plane| pyramid::down(&plane, boundary, watch));
+            (made, size) = (Some([r?, g?, b?]), next);
+        }
+    }
+    Ok(guide)
+}
+
+/// How unlike the surroundings of each pixel are to those of the nearest of some points.
+///
+/// D(x, y) = min over points s of sum over levels n of D_n(x >> n, y >> n), with D_n(p) = sum over the neighbourhood's
+/// offsets o and R, G, B of (I_n(p + o) - I_n((s >> n) + o))^2: the paper's scale. Levels count the same.
+///
+/// - `guide`: the picture made ready.
+/// - `points`: columns and rows of pixels of it, at least one (asserted); a repeated one changes nothing.
+/// - `out`: of the picture's size (asserted); every sample is written. Exact up to 2^24, then the nearest f32.
+/// - `watch`: asked for the memory taken, told the part done. On `Interrupted`, `out` is partly written.
+///
+/// Where no level is level 0 blocks of pixels have one distance. The points themselves have 0. A picture without pixels
+/// has no points.
+///
+/// Cost: per point and level, the level's pixels times 3/2 the neighbourhood's products and sums. The result does not
+/// depend on the count of threads.
+///
+/// S. Brooks and N. Dodgson, "Self-similarity based texture editing", SIGGRAPH 2002, section 3.
+pub fn distances(guide: &Guide, points: &[[usize; 2]], out: ViewMut<f32>, watch: Watch) -> Result<(), Interrupted> {
+    assert!(!points.is_empty() && [out.width(), out.height()] == guide.size, "points, and the guide's size");
+    assert!(points.iter().all(|[x, y]| *x < guide.size[0] && *y < guide.size[1]), "points lie in the picture");
+    let [finest, coarser @ ..] = &guide.levels[..] else { unreachable!("a picture with points has a level") };
+    watch.reserve(points.len() * coarser.iter().map(|l| l.columns() * l.size[1] * size_of::<i32>()).sum::<usize>())?;
+    let at_point = |point: &[usize; 2]| {
+        let coarser = coarser.iter().map(|level| Ok((level, level.distances(&level.probe(*point), watch)?)));
+        Ok(Point { probe: finest.probe(*point), coarser: coarser.collect::<Result<_, Interrupted>>()? })
+    };
+    let points = points.iter().map(at_point).collect::<Result<Vec<_>, Interrupted>>()?;
+    let bands = out.bands(1 << finest.number);
+    let steps = Steps::new(watch, bands.len());
+    let scratch = || [vec![0; finest.columns()], vec![0; finest.columns()]];
+    bands.into_par_iter().try_for_each_init(scratch, |[least, other], (top, mut out)| {
+        let y = top >> finest.number;
+        let (first, more) = points.split_first().expect("there are points");
+        first.row(finest, y, least);
+        for point in more {
+            point.row(finest, y, other);
+            least.iter_mut().zip(&*other).for_each(|(least, other)| *least = (*least).min(*other));
+        }
+        for row in 0..out.height() {
+            widen(least, finest.number, out.row_mut(row));
+        }
+        steps.step()
+    })
+}
+
+/// A point, and the distances from it on coarser levels.
+struct Point<'a> {
+    /// Of the finest level.
+    probe: Probe,
+    coarser: Vec<(&'a Level, Vec<i32>)>,
+}
+
+impl Point<'_> {
+    /// The distances from it on a row of the finest level.
+    fn row(&self, finest: &Level, y: usize, out: &mut [i32]) {
+        kernel::row(finest.row(y), &self.probe, out);
+        for (level, distances) in &self.coarser {
+            let shift = level.number - finest.number;
+            let row = &distances[(y >> shift) * level.columns()..][..level.columns()];
+            vectorized(
+                #[inline(always)]
+                || match shift {
+                    1 => out.as_chunks_mut::<2>().0.iter_mut().zip(row).for_each(|(out, add)| {
+                        out.iter_mut().for_each(|out| *out += add);
+                    }),
+                    _ => out.chunks_mut(1 << shift).zip(row).for_each(|(out, add)| {
+                        out.iter_mut().for_each(|out| *out += add);
+                    }),
+                },
+            );
+        }
+    }
+}
+
+/// Writes each number for as many pixels as its level's are wide.
+fn widen(numbers: &[i32], level: u32, out: &mut [f32]) {
+    vectorized(
+        #[inline(always)]
+        || match level {
+            0 => out.iter_mut().zip(numbers).for_each(|(out, number)| *out = *number as f32),
+            _ => out.chunks_mut(1 << level).zip(numbers).for_each(|(out, number)| out.fill(*number as f32)),
+        },
+    );
+}
+
+/// How strongly an edit is repeated at each pixel.
+///
+/// a = strength max(0, 1 - D / threshold); with a threshold of 0, strength where D is 0 and 0 elsewhere.
+///
+/// - `distances`: D, see [`distances`](distances()), any size.
+/// - `threshold`: the distance from which on nothing happens, at least 0 (asserted).
+/// - `strength`: a where D is 0, finite; negative contracts where positive magnifies.
+/// - `out`: of the same size (asserted); every sample is written.
+///
+/// Where D is 0 a is `strength`, whatever the threshold is.
+///
+/// Cost: linear, rows side by side.
+///
+/// S. Brooks and N. Dodgson, "Self-similarity based texture editing", SIGGRAPH 2002, section 3.
+pub fn opacity(distances: View<f32>, threshold: f32, strength: f32, out: ViewMut<f32>) {
+    assert_eq!([distances.width(), distances.height()], [out.width(), out.height()], "sizes differ");
+    assert!(threshold >= 0.0, "threshold {threshold}");
+    out.par_rows(|y, out| {
+        let distances = distances.row(y);
+        vectorized(
+            #[inline(always)]
+            || {
+                for (out, &distance) in out.iter_mut().zip(distances) {
+                    let part = if distance == 0.0 { 1.0 } else { 1.0 - distance / threshold };
+                    *out = if part > 0.0 { strength * part } else { 0.0 };
+                }
+            },
+        );
+    });
+}
+
+#[cfg(test)]
+mod tests;
