@@ -379,7 +379,7 @@ impl Factor {
     /// substitution runs on one thread. Sine: likewise, in O(n log n) and 16 bytes a node and right-hand side; its
     /// transforms run on the pool, the bits do not depend on the thread count. Both: `Inaccurate` where the residual
     /// stays above 1e-9 of what the numbers in it allow. Multigrid: one right-hand side at a time, conjugate gradients
-    /// until the estimated error, above the true one on all systems tried, is within the tolerance; `Inaccurate` where
+    /// until the estimated error, above the true one on nearly all systems tried, is within the tolerance; `Inaccurate` where
     /// it does not get there; linear for a given tolerance, 21 bytes a node. Numbers that are not finite, and in
     /// multigrid those that single precision does not hold, are `Inaccurate` too. Where all nodes are pinned the fields
     /// are the result.

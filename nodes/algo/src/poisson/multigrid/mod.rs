@@ -21,10 +21,10 @@ const COARSEST: usize = 9;
 
 /// Single precision follows a solution down to this part of it, times the largest over the least diagonal entry; then
 /// the residual is computed anew in double precision.
-const RENEW: f32 = 3e-8;
+const RENEW: f32 = 1e-8;
 
 /// Bounds of that part.
-const RENEW_BETWEEN: [f32; 2] = [1.0 / 262_144.0, 1.0 / 64.0];
+const RENEW_BETWEEN: [f32; 2] = [1.0 / 1_048_576.0, 1.0 / 64.0];
 
 /// Iterations between two residuals in double precision at most.
 const ITERATIONS: usize = 24;
