@@ -342,7 +342,8 @@ impl GridLaplacian {
     }
 }
 
-/// For the nodes of a row from the second to the last but one: what the edge from the left brings less what the one to the right takes.
+/// For the nodes of a row from the second to the last but one: what the edge from the left brings less what the one to
+/// the right takes.
 #[inline(always)]
 fn subtract_drops(out: &mut [f64], flux: &[f64], c: &[f64], x: &[f64]) {
     let n = out.len() - 1;
@@ -379,10 +380,10 @@ impl Factor {
     /// substitution runs on one thread. Sine: likewise, in O(n log n) and 16 bytes a node and right-hand side; its
     /// transforms run on the pool, the bits do not depend on the thread count. Both: `Inaccurate` where the residual
     /// stays above 1e-9 of what the numbers in it allow. Multigrid: one right-hand side at a time, conjugate gradients
-    /// until the estimated error, above the true one on nearly all systems tried, is within the tolerance; `Inaccurate` where
-    /// it does not get there; linear for a given tolerance, 21 bytes a node. Numbers that are not finite, and in
-    /// multigrid those that single precision does not hold, are `Inaccurate` too. Where all nodes are pinned the fields
-    /// are the result.
+    /// until the estimated error is within the tolerance, which the true one may exceed by half where weights of 100
+    /// meet a tolerance that is no small part of the solution; `Inaccurate` where it does not get there; linear for a
+    /// given tolerance, 21 bytes a node. Numbers that are not finite, and in multigrid those that single precision does
+    /// not hold, are `Inaccurate` too. Where all nodes are pinned the fields are the result.
     pub fn solve(&self, fluxes: &[Edges], fields: &[&[f64]], tolerance: f64, watch: Watch) -> Result<Solution, Error> {
         let nodes = self.laplacian.nodes;
         assert_eq!(fluxes.len(), fields.len(), "fluxes and fields");

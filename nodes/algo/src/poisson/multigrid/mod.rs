@@ -32,8 +32,8 @@ const ITERATIONS: usize = 24;
 /// Double precision residuals at most.
 const ROUNDS: usize = 40;
 
-/// The largest correction over the least eigenvalue of the preconditioned matrix estimates the error it is made for, and
-/// one minus that eigenvalue the part of it that is left once the correction is added. Both hold in the energy's norm;
+/// The largest correction over the least eigenvalue of the preconditioned matrix estimates the error it is made for,
+/// and one minus that eigenvalue the part of it that is left once the correction is added. Both hold in the energy's norm;
 /// times this the product bounds the largest error on nearly all systems tried, by twice that on all.
 const SAFETY: f64 = 3.0;
 
@@ -113,7 +113,7 @@ impl Multigrid {
         let (mut least, mut last) = (None, first);
         for _ in 0..ROUNDS {
             watch.go_on()?;
-            let error = self.correct(0, arrays, ITERATIONS, tolerance, &mut least, watch)?;
+            let error = self.correct(arrays, tolerance, &mut least, watch)?;
             if error.is_nan() {
                 return Err(Error::Inaccurate { residual: error });
             }
@@ -189,26 +189,24 @@ impl Multigrid {
         passes::advance(&self.levels[l], direction, 1.0, solution, residual);
     }
 
-    /// Conjugate gradients for the residual of a level, added to its `solution`. Gives a bound of the error left, infinite
-    /// where single precision does not tell, NaN where it does not hold the numbers.
+    /// Conjugate gradients for the residual of the finest level, added to its `solution`. Gives an estimate of the
+    /// error left, infinite where single precision does not tell, NaN where it does not hold the numbers.
     ///
     /// * `least`: the least eigenvalue seen.
     fn correct(
         &self,
-        l: usize,
         arrays: &mut [Arrays],
-        iterations: usize,
         tolerance: f64,
         least: &mut Option<f64>,
         watch: Watch,
     ) -> Result<f64, Error> {
         let mut product = 0.0;
-        let mut whole = passes::largest(&arrays[l].solution);
+        let mut whole = passes::largest(&arrays[0].solution);
         let mut error = f64::INFINITY;
         let mut spectrum = Lanczos::default();
-        for iteration in 0..iterations {
+        for iteration in 0..ITERATIONS {
             watch.go_on()?;
-            let tally = self.cycle(l, arrays)?;
+            let tally = self.cycle(0, arrays)?;
             let seen = (iteration >= STEPS_TO_SEE).then(|| spectrum.least().min(BELIEVED));
             *least = seen.into_iter().chain(*least).reduce(f64::min);
             let slowest = least.unwrap_or(UNSEEN);
@@ -216,7 +214,7 @@ impl Multigrid {
             if error.is_nan() {
                 return Ok(error);
             }
-            let arrays = &mut arrays[l];
+            let arrays = &mut arrays[0];
             if iteration == 0 {
                 whole = whole.max(tally.largest);
             }
@@ -227,10 +225,10 @@ impl Multigrid {
             }
             let ratio = |a: f64, b: f64| if b > 0.0 { (a / b) as f32 } else { 0.0 };
             let beta = if iteration == 0 { 0.0 } else { ratio(tally.product, product) };
-            let energy = passes::direct(&self.levels[l], &arrays.correction, beta, &mut arrays.direction);
+            let energy = passes::direct(&self.levels[0], &arrays.correction, beta, &mut arrays.direction);
             let alpha = ratio(tally.product, energy);
             spectrum.step(alpha.into(), beta.into());
-            passes::advance(&self.levels[l], &arrays.direction, alpha, &mut arrays.solution, &mut arrays.residual);
+            passes::advance(&self.levels[0], &arrays.direction, alpha, &mut arrays.solution, &mut arrays.residual);
             product = tally.product;
         }
         Ok(error)
