@@ -19,12 +19,12 @@ use spectrum::Lanczos;
 /// Lattices with at most so many columns or rows are not made coarser.
 const COARSEST: usize = 9;
 
-/// Single precision follows a solution down to this part of it, times the largest over the least diagonal entry; then
-/// the residual is computed anew in double precision.
-const RENEW: f32 = 1e-8;
+/// Single precision blurs a solution by at most this part of it, times the largest over the least diagonal entry, on all
+/// systems tried. Once corrections are as small the residual is computed anew in double precision.
+const BLUR: f32 = 1e-7;
 
 /// Bounds of that part.
-const RENEW_BETWEEN: [f32; 2] = [1.0 / 1_048_576.0, 1.0 / 64.0];
+const BLUR_BETWEEN: [f32; 2] = [1.0 / 1_048_576.0, 1.0 / 64.0];
 
 /// Iterations between two residuals in double precision at most.
 const ITERATIONS: usize = 24;
@@ -33,8 +33,8 @@ const ITERATIONS: usize = 24;
 const ROUNDS: usize = 40;
 
 /// The largest correction over the least eigenvalue of the preconditioned matrix estimates the error it is made for,
-/// and one minus that eigenvalue the part of it that is left once the correction is added. Both hold in the energy's norm;
-/// times this the product bounds the largest error on nearly all systems tried, by twice that on all.
+/// and one minus that eigenvalue the part of it that is left once the correction is added. Both hold in the energy
+/// norm; times this the product bounds the largest error on nearly all systems tried, by twice that on all.
 const SAFETY: f64 = 3.0;
 
 /// Steps of conjugate gradients that it takes to see the least eigenvalue,
@@ -52,8 +52,8 @@ pub(super) struct Multigrid {
     coarsest: Cholesky,
     /// What single precision conductances and residuals are multiplied by.
     scale: f64,
-    /// Part of the solution after which residuals are computed anew.
-    renew: f32,
+    /// Part of a solution that single precision may miss.
+    blur: f32,
 }
 
 /// The arrays of one level, for one right-hand side.
@@ -86,8 +86,8 @@ impl Multigrid {
         let coarsest = coarsest(&levels[levels.len() - 1], watch)?;
         let inner = || levels[0].inverse.iter().filter(|inverse| **inverse > 0.0);
         let contrast = inner().fold(0.0, |a: f32, b| a.max(*b)) / inner().fold(f32::INFINITY, |a, b| a.min(*b));
-        let renew = (RENEW * contrast).clamp(RENEW_BETWEEN[0], RENEW_BETWEEN[1]);
-        Ok(Self { levels, coarsest, scale, renew })
+        let blur = (BLUR * contrast).clamp(BLUR_BETWEEN[0], BLUR_BETWEEN[1]);
+        Ok(Self { levels, coarsest, scale, blur })
     }
 
     /// The arrays of a solve; they serve one after the other.
@@ -190,7 +190,7 @@ impl Multigrid {
     }
 
     /// Conjugate gradients for the residual of the finest level, added to its `solution`. Gives an estimate of the
-    /// error left, infinite where single precision does not tell, NaN where it does not hold the numbers.
+    /// error left, NaN where single precision does not hold the numbers.
     ///
     /// * `least`: the least eigenvalue seen.
     fn correct(
@@ -210,18 +210,18 @@ impl Multigrid {
             let seen = (iteration >= STEPS_TO_SEE).then(|| spectrum.least().min(BELIEVED));
             *least = seen.into_iter().chain(*least).reduce(f64::min);
             let slowest = least.unwrap_or(UNSEEN);
-            error = SAFETY * f64::from(tally.largest) * (1.0 - slowest) / slowest;
+            if iteration == 0 {
+                whole = whole.max(tally.largest);
+            }
+            let blur = self.blur * whole;
+            error = SAFETY * f64::from(tally.largest) * (1.0 - slowest) / slowest + f64::from(blur);
             if error.is_nan() {
                 return Ok(error);
             }
             let arrays = &mut arrays[0];
-            if iteration == 0 {
-                whole = whole.max(tally.largest);
-            }
-            let is_blurred = iteration > 0 && tally.largest <= self.renew * whole;
-            if error <= tolerance || is_blurred {
+            if error <= tolerance || tally.largest <= blur {
                 passes::add(&arrays.correction, &mut arrays.solution);
-                return Ok(if is_blurred { f64::INFINITY } else { error });
+                return Ok(error);
             }
             let ratio = |a: f64, b: f64| if b > 0.0 { (a / b) as f32 } else { 0.0 };
             let beta = if iteration == 0 { 0.0 } else { ratio(tally.product, product) };
