@@ -19,8 +19,8 @@ use spectrum::Lanczos;
 /// Lattices with at most so many columns or rows are not made coarser.
 const COARSEST: usize = 9;
 
-/// Single precision blurs a solution by at most this part of it, times the largest over the least diagonal entry, on all
-/// systems tried. Once corrections are as small the residual is computed anew in double precision.
+/// Single precision blurs a solution by about this part of it, times the largest over the least diagonal entry; less on
+/// all systems tried. Once corrections are as small the residual is computed anew in double precision.
 const BLUR: f32 = 1e-7;
 
 /// Bounds of that part.
