@@ -82,10 +82,11 @@ impl Line {
         self.slope + 2.0 * t * self.square + self.strength * barrier
     }
 
-    /// Where the energy along the line is least, or nearly: by bisection of its slope, then Armijo's rule.
+    /// Where the energy along the line is least, or nearly, and how far it falls: by bisection of its slope, then
+    /// Armijo's rule.
     ///
     /// None where no step lowers the energy.
-    pub(super) fn least(&self) -> Option<f64> {
+    pub(super) fn least(&self) -> Option<[f64; 2]> {
         let (start, descent) = (self.value(0.0), self.derivative(0.0));
         if !(descent < 0.0 && self.end > 0.0) {
             return None;
@@ -99,8 +100,9 @@ impl Line {
         }
         let mut t = high;
         for _ in 0..60 {
-            if self.value(t) <= start + 1e-4 * t * descent {
-                return Some(t);
+            let value = self.value(t);
+            if value <= start + 1e-4 * t * descent {
+                return Some([t, start - value]);
             }
             t *= 0.5;
         }

@@ -169,6 +169,14 @@ impl Stencil<'_> {
         (self.up[i] * x.up[i] + self.down[i] * x.down[i]) + (self.left[i] * x.left[i] + self.right[i] * x.right[i])
     }
 
+    /// What flows out of a node that has the value `here`, in differences: values that are nearly the same lose nothing
+    /// to rounding.
+    #[inline(always)]
+    pub(super) fn outflow(&self, i: usize, here: f32, x: &Around) -> f32 {
+        (self.up[i] * (here - x.up[i]) + self.down[i] * (here - x.down[i]))
+            + (self.left[i] * (here - x.left[i]) + self.right[i] * (here - x.right[i]))
+    }
+
     /// `out = (b + flow) / diagonal`: a Gauss-Seidel step of half a row.
     #[inline(always)]
     pub(super) fn relax(&self, b: &[f32], x: &Around, out: &mut [f32]) {

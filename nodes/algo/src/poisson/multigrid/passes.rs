@@ -109,7 +109,7 @@ fn ascend_rows(level: &Level, coarser: &Level, b: &[f32], coarse: &[f32], z: &mu
             relax(level, b, z, row, row % 2);
             let (b, z) = (level.row(b, row), level.row(z, row));
             tally.product += product(b, z);
-            tally.largest = larger(tally.largest, largest(z));
+            tally.largest = larger(tally.largest, largest_of(z));
         }
     }
     tally
@@ -173,9 +173,8 @@ fn advance_rows(level: &Level, p: &[f32], alpha: f32, x: &mut [f32], r: &mut [f3
             let at = (2 * row + s) * half + first;
             let (x, r) = (&mut x[at..][..n], &mut r[at..][..n]);
             for i in 0..n {
-                let sum = (stencil.up[i] + stencil.down[i]) + (stencil.left[i] + stencil.right[i]);
                 x[i] += alpha * here[i];
-                r[i] -= alpha * (sum * here[i] - stencil.flow(i, &around));
+                r[i] -= alpha * stencil.outflow(i, here[i], &around);
             }
         }
     }
@@ -214,6 +213,24 @@ pub(super) fn interpolate(level: &Level, coarser: &Level, coarse: &[f32], out: &
     );
 }
 
+/// Adds a split row to one of columns in order.
+pub(super) fn add_row(split: &[f32], half: usize, out: &mut [f64]) {
+    let (even, odd) = split.split_at(half);
+    vectorized(
+        #[inline(always)]
+        || {
+            let count = out.len();
+            if count % 2 == 1 {
+                out[count - 1] += f64::from(even[count / 2]);
+            }
+            for ((pair, even), odd) in out.chunks_exact_mut(2).zip(even).zip(odd) {
+                pair[0] += f64::from(*even);
+                pair[1] += f64::from(*odd);
+            }
+        },
+    );
+}
+
 /// A row of values times `scale`, split into even and odd columns.
 pub(super) fn round(values: &[f64], scale: f64, half: usize, out: &mut [f32]) {
     let (even, odd) = out.split_at_mut(half);
@@ -234,30 +251,31 @@ pub(super) fn round(values: &[f64], scale: f64, half: usize, out: &mut [f32]) {
 /// Sum of `c (b - a)^2`.
 #[inline(always)]
 fn drops(c: &[f32], a: &[f32], b: &[f32]) -> f64 {
-    let (a, b) = (&a[..c.len()], &b[..c.len()]);
-    fold(c.len(), |i, sum| {
-        let drop = b[i] - a[i];
-        sum + c[i] * (drop * drop)
+    fold([c, a, b], |sum, [c, a, b]| {
+        let drop = b - a;
+        sum + c * (drop * drop)
     })
 }
 
 #[inline(always)]
 fn product(a: &[f32], b: &[f32]) -> f64 {
-    let b = &b[..a.len()];
-    fold(a.len(), |i, sum| sum + a[i] * b[i])
+    fold([a, b], |sum, [a, b]| sum + a * b)
 }
 
+/// A sum over arrays of equal length.
 #[inline(always)]
-fn fold(length: usize, step: impl Fn(usize, f32) -> f32) -> f64 {
+fn fold<const N: usize>(arrays: [&[f32]; N], step: impl Fn(f32, [f32; N]) -> f32) -> f64 {
+    let length = arrays[0].len();
     let whole = length - length % LANES;
     let mut sums = [0.0_f32; LANES];
     for at in (0..whole).step_by(LANES) {
+        let run = arrays.map(|array| &array[at..at + LANES]);
         for lane in 0..LANES {
-            sums[lane] = step(at + lane, sums[lane]);
+            sums[lane] = step(sums[lane], run.map(|values| values[lane]));
         }
     }
     for at in whole..length {
-        sums[at - whole] = step(at, sums[at - whole]);
+        sums[at - whole] = step(sums[at - whole], arrays.map(|array| array[at]));
     }
     sums.iter().map(|sum| f64::from(*sum)).sum()
 }
@@ -268,8 +286,18 @@ fn larger(a: f32, b: f32) -> f32 {
     if b > a || b.is_nan() { b } else { a }
 }
 
+/// Largest magnitude; NaN where there is one.
+pub(super) fn largest(values: &[f32]) -> f32 {
+    let mut most = 0.0;
+    vectorized(
+        #[inline(always)]
+        || most = largest_of(values),
+    );
+    most
+}
+
 #[inline(always)]
-fn largest(values: &[f32]) -> f32 {
+fn largest_of(values: &[f32]) -> f32 {
     let runs = values.chunks_exact(LANES);
     let rest = runs.remainder().iter().fold(0.0, |most, value| larger(most, value.abs()));
     let mut most = [0.0_f32; LANES];
