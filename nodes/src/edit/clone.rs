@@ -1,6 +1,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use smart_default::SmartDefault;
+use warploom_algo::composite::{Placed, Plane};
 use warploom_algo::{edit, mask};
 use warploom_core::node::{Context, In, Node, NodeError, Output, Outputs};
 use warploom_core::value::{Buffer, Image, Kind, Layer};
@@ -37,12 +38,12 @@ impl Node for Clone {
     fn compute(&self, cx: &Context) -> Result<Outputs, NodeError> {
         let (base, mask, texture) = (cx.get(&self.base), cx.get(&self.mask), cx.get(&self.texture));
         let layer = texture.primary();
-        let planes = planes(cx, layer, base.primary().channel("R").is_none())?;
+        let planes = planes(cx, layer, super::is_grey(&base)?)?;
         let (data, offset) = (window(&layer.data), self.offset.map(|by| by.round() as i64));
         let cloned = super::edited(cx, &base, &mask, |channel, base, strength, out| {
-            let samples = warploom_algo::composite::Placed { view: view(&planes[channel]), x0: data.x0, y0: data.y0 };
+            let samples = Placed { view: view(&planes[channel]), x0: data.x0, y0: data.y0 };
             let texture = edit::Texture {
-                samples: warploom_algo::composite::Plane::Samples(samples),
+                samples: Plane::Samples(samples),
                 alpha: crate::image::alpha(layer),
                 window: window(&texture.display),
                 offset,

@@ -14,6 +14,11 @@ use warploom_core::value::{BufferMut, Image, Raster};
 
 use crate::adapt::{view, view_mut};
 
+/// Whether a picture that is edited has Y alone for a colour.
+fn is_grey(image: &Image) -> Result<bool, NodeError> {
+    Ok(crate::detail::colour(image.primary(), "base")?.0.len() == 1)
+}
+
 /// A picture whose colour channels `draw(index, base, strength, out)` made anew where the strength is not 0.
 fn edited(
     cx: &Context,

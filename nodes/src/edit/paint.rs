@@ -48,10 +48,7 @@ impl Node for Paint {
 
     fn compute(&self, cx: &Context) -> Result<Outputs, NodeError> {
         let (base, mask) = (cx.get(&self.base), cx.get(&self.mask));
-        let color = match base.primary().channel("R") {
-            Some(_) => self.color,
-            None => [self.luma(); 3],
-        };
+        let color = if super::is_grey(&base)? { [self.luma(); 3] } else { self.color };
         let painted = super::edited(cx, &base, &mask, |channel, base, strength, out| {
             let paint = match self.mode {
                 Mode::Color => edit::Paint::Color(color[channel] as f32),
