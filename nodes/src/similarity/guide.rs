@@ -70,8 +70,25 @@ impl Node for SimilarityGuide {
         Reads::Channels(crate::detail::COLOUR.concat().iter().map(|name| name.to_string()).collect())
     }
 
+    fn check(&self) -> Result<(), NodeError> {
+        let diameter = self.diameter;
+        if diameter % 2 == 0 {
+            let error = NodeError::refused(format!("the diameter is {diameter}; it may be odd, 1 to 21"));
+            return Err(error.at("diameter").hint(format!("use {} or {}", diameter - 1, diameter + 1)));
+        }
+        if self.levels.is_empty() {
+            return Err(NodeError::refused("there are no levels").at("levels").hint("compare the picture: [0]"));
+        }
+        for (index, level) in self.levels.iter().enumerate() {
+            if let Some(first) = self.levels[..index].iter().position(|other| other == level) {
+                let error = NodeError::refused(format!("levels[{first}] and levels[{index}] are both {level}"));
+                return Err(error.at("levels").hint("name each level once"));
+            }
+        }
+        Ok(())
+    }
+
     fn compute(&self, cx: &Context) -> Result<Outputs, NodeError> {
-        self.check()?;
         let image = cx.get(&self.image);
         let (layer, windows) = (image.primary(), image.windows());
         self.check_depth([layer.data.width(), layer.data.height()])?;
@@ -99,25 +116,6 @@ impl Node for SimilarityGuide {
 }
 
 impl SimilarityGuide {
-    /// What is wrong whatever the picture is.
-    fn check(&self) -> Result<(), NodeError> {
-        let diameter = self.diameter;
-        if diameter % 2 == 0 {
-            let error = NodeError::refused(format!("the diameter is {diameter}; it may be odd, 1 to 21"));
-            return Err(error.at("diameter").hint(format!("use {} or {}", diameter - 1, diameter + 1)));
-        }
-        if self.levels.is_empty() {
-            return Err(NodeError::refused("there are no levels").at("levels").hint("compare the picture: [0]"));
-        }
-        for (index, level) in self.levels.iter().enumerate() {
-            if let Some(first) = self.levels[..index].iter().position(|other| other == level) {
-                let error = NodeError::refused(format!("levels[{first}] and levels[{index}] are both {level}"));
-                return Err(error.at("levels").hint("name each level once"));
-            }
-        }
-        Ok(())
-    }
-
     fn check_depth(&self, size: [usize; 2]) -> Result<(), NodeError> {
         let ([width, height], coarsest) = (size, coarsest(size));
         let Some(index) = self.levels.iter().position(|level| *level > coarsest) else { return Ok(()) };

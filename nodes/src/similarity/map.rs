@@ -44,6 +44,14 @@ impl Node for Similarity {
     const VERSION: u32 = 1;
     const OUTPUTS: &'static [Output] = &[Output::new("strength", Kind::Field), Output::new("distance", Kind::Field)];
 
+    fn check(&self) -> Result<(), NodeError> {
+        if !self.at.is_empty() {
+            return Ok(());
+        }
+        let error = NodeError::refused("there are no selection points; at least one is needed");
+        Err(error.at("at").hint("give the centre of a pixel, such as [(0.5, 0.5)]"))
+    }
+
     fn compute(&self, cx: &Context) -> Result<Outputs, NodeError> {
         let factor = cx.get(&self.guide);
         let Prepared { guide, windows } = solver(&factor, "guide", "SimilarityGuide")?;
@@ -78,10 +86,6 @@ impl Similarity {
 
     /// The pixels that are selected, counted in the data window.
     fn points(&self, data: &Rect) -> Result<Vec<[usize; 2]>, NodeError> {
-        if self.at.is_empty() {
-            let error = NodeError::refused("there are no selection points; at least one is needed");
-            return Err(error.at("at").hint("give the centre of a pixel, such as [(0.5, 0.5)]"));
-        }
         let inside = |at: f64, start: i32, end: i32| {
             let at = at.floor();
             (at >= f64::from(start) && at < f64::from(end)).then(|| (at - f64::from(start)) as usize)
