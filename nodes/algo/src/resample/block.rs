@@ -133,13 +133,7 @@ enum Store<'a, const C: usize> {
 
 impl<'a> Supply<'a, 1> {
     /// The plane itself, what of a part lies in it. If that does not hold a footprint, samples far from the part.
-    pub fn of_plane(
-        plane: View<'a, f32>,
-        source: &'a Source,
-        part: &Part,
-        next: Option<Part>,
-        taps: usize,
-    ) -> Self {
+    pub fn of_plane(plane: View<'a, f32>, source: &'a Source, part: &Part, next: Option<Part>, taps: usize) -> Self {
         let mut part = part.inside(source);
         let (samples, stride) = plane.samples();
         // Pixels have numbers of 32 bits.

@@ -73,10 +73,10 @@ impl<'a> Ewa<'a> {
     pub fn fill(&self, at: &Located, left: usize, blocks: &mut Blocks, out: &mut [ViewMut<f32>]) -> u64 {
         let axes = self.jacobians.tile(at);
         if axes.iter().all(Axes::is_still) {
-            return filtered(&CUBIC, self.clamp, &self.source, self.planes, [at, &Located::default()], left, blocks, out);
+            return filtered(&CUBIC, self.clamp, &self.source, self.planes, at, left, blocks, out);
         }
         if axes.iter().zip(&at.x).any(|(axes, x)| !x.is_nan() && axes.share() < 1.0) {
-            filtered(&CUBIC, self.clamp, &self.source, self.planes, [at, &Located::default()], left, blocks, out);
+            filtered(&CUBIC, self.clamp, &self.source, self.planes, at, left, blocks, out);
         }
         let mut scratch = Scratch::default();
         for (row, axes) in axes.chunks(at.width).enumerate() {

@@ -26,7 +26,7 @@ pub(super) fn filtered<const T: usize, const D: usize>(
     clamp: bool,
     source: &Source,
     planes: &[View<f32>],
-    [positions, after]: [&Located; 2],
+    positions: &Located,
     left: usize,
     blocks: &mut Blocks,
     out: &mut [ViewMut<f32>],
@@ -41,10 +41,6 @@ pub(super) fn filtered<const T: usize, const D: usize>(
         || {
             for (part, pixels) in parts.iter_mut().zip(&pixels) {
                 *part = Part::of(source, positions, pixels, T);
-            }
-            if !after.x.is_empty() {
-                let columns = 0..after.width.min(BLOCK_WIDTH);
-                parts.push(Part::of(source, after, &Pixels { columns, rows: rows.clone() }, T));
             }
         },
     );
@@ -118,12 +114,7 @@ impl<const T: usize, const D: usize> Painter<'_, T, D> {
     }
 
     #[inline(always)]
-    fn rows<const C: usize>(
-        &mut self,
-        mut supply: Supply<C>,
-        pixels: &Pixels,
-        out: &mut [ViewMut<f32>],
-    ) -> u64 {
+    fn rows<const C: usize>(&mut self, mut supply: Supply<C>, pixels: &Pixels, out: &mut [ViewMut<f32>]) -> u64 {
         let mut bad = 0;
         // Iterators' closures are not always compiled for the vectors at hand.
         for row in pixels.rows.clone() {

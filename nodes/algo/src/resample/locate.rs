@@ -50,6 +50,7 @@ impl Located {
         Ok(())
     }
 
+    /// How many pixels are drawn.
     pub fn drawn(&self) -> u64 {
         let mut count = 0;
         vectorized(

@@ -149,13 +149,13 @@ pub fn draw(
     if filter == Filter::Ewa {
         let ewa = Ewa::new(map, source, dst_window, clamp, planes, watch)?;
         let fill =
-            |blocks: &mut Blocks, at: [&Located; 2], left: usize, out: &mut [ViewMut<f32>]| ewa.fill(at[0], left, blocks, out);
+            |blocks: &mut Blocks, at: &Located, left: usize, out: &mut [ViewMut<f32>]| ewa.fill(at, left, blocks, out);
         return draw_bands(map, &source, dst_window, ewa.reach(), out, watch, fill);
     }
-    let fill = |blocks: &mut Blocks, at: [&Located; 2], left: usize, out: &mut [ViewMut<f32>]| match filter {
+    let fill = |blocks: &mut Blocks, at: &Located, left: usize, out: &mut [ViewMut<f32>]| match filter {
         Filter::Nearest => {
-            sample::nearest(&source, planes, at[0], left, out);
-            not_finite(left, at[0].width, out)
+            sample::nearest(&source, planes, at, left, out);
+            not_finite(left, at.width, out)
         }
         Filter::Linear => filtered(&filter::LINEAR, clamp, &source, planes, at, left, blocks, out),
         Filter::Cubic => filtered(&filter::CUBIC, clamp, &source, planes, at, left, blocks, out),
@@ -199,7 +199,7 @@ pub fn draw_labels(
     watch: Watch,
 ) -> Result<u64, Interrupted> {
     let source = Source { window: source_window, edge };
-    let fill = |_: &mut (), [positions, _]: [&Located; 2], left: usize, out: &mut [ViewMut<u32>]| {
+    let fill = |_: &mut (), positions: &Located, left: usize, out: &mut [ViewMut<u32>]| {
         sample::nearest(&source, planes, positions, left, out);
         0
     };
@@ -225,7 +225,7 @@ fn draw_bands<T: Send, S: Default>(
     reach: f64,
     out: Vec<ViewMut<T>>,
     watch: Watch,
-    fill: impl Fn(&mut S, [&Located; 2], usize, &mut [ViewMut<T>]) -> u64 + Sync,
+    fill: impl Fn(&mut S, &Located, usize, &mut [ViewMut<T>]) -> u64 + Sync,
 ) -> Result<Drawn, Interrupted> {
     let size = (window.width(), window.height());
     assert!(out.iter().all(|out| (out.width(), out.height()) == size), "outputs are {size:?}");
@@ -239,22 +239,16 @@ fn draw_bands<T: Send, S: Default>(
     let bands = bands_of(out, window.height());
     let (count, done) = (bands.len(), AtomicUsize::new(0));
     let bands = bands.into_par_iter().enumerate();
-    let drawn = bands.map_init(<([Located; 2], S)>::default, |([here, next], scratch), (index, mut planes)| {
+    let drawn = bands.map_init(<(Located, S)>::default, |(positions, scratch), (index, mut planes)| {
         let top = window.y0 + (index * BAND_HEIGHT) as i64;
         let band = Rect { y0: top, y1: window.y1.min(top + BAND_HEIGHT as i64), ..window };
         let mut drawn = Drawn::default();
-        let tile = |left: usize| {
-            let x0 = window.x0 + left as i64;
-            Rect { x0, x1: window.x1.min(x0 + TILE_WIDTH as i64), ..band }
-        };
-        next.locate(locator.as_ref(), index, &tile(0), watch)?;
         for left in (0..window.width()).step_by(TILE_WIDTH) {
-            std::mem::swap(here, next);
-            if left + TILE_WIDTH < window.width() {
-                next.locate(locator.as_ref(), index, &tile(left + TILE_WIDTH), watch)?;
-            } else { next.x.clear(); }
-            drawn.pixels += here.drawn();
-            drawn.bad += fill(scratch, [here, next], left, &mut planes);
+            let x0 = window.x0 + left as i64;
+            let tile = Rect { x0, x1: window.x1.min(x0 + TILE_WIDTH as i64), ..band };
+            positions.locate(locator.as_ref(), index, &tile, watch)?;
+            drawn.pixels += positions.drawn();
+            drawn.bad += fill(scratch, positions, left, &mut planes);
             watch.progress(done.load(Ordering::Relaxed) as f64 / count as f64)?;
         }
         done.fetch_add(1, Ordering::Relaxed);
