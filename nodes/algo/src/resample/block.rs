@@ -150,6 +150,11 @@ impl<'a> Supply<'a, 1> {
 }
 
 impl<'a, const C: usize> Supply<'a, C> {
+    /// None of its rows is fetched: few of their samples are needed.
+    pub fn sparse(self) -> Self {
+        Self { rows: usize::MAX, ..self }
+    }
+
     /// The samples, with the part's first rows, at least `rows`.
     #[inline(always)]
     pub fn samples(&mut self, rows: usize) -> Samples<'_, C> {

@@ -100,7 +100,8 @@ impl<const T: usize, const D: usize> Painter<'_, T, D> {
                 let supply = if dense && part.inside(self.source) != part {
                     blocks.alone.supply(self.source, [plane], part, next)
                 } else {
-                    Supply::of_plane(plane, self.source, &part, next, T)
+                    let supply = Supply::of_plane(plane, self.source, &part, next, T);
+                    if dense { supply } else { supply.sparse() }
                 };
                 bad += self.rows(supply, pixels, out);
             }
