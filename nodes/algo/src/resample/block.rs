@@ -14,6 +14,8 @@ use std::ops::Range;
 pub(super) const BLOCK_WIDTH: usize = 64;
 /// Source pixels of a part per pixel drawn up to which a copy pays.
 const SPREAD: usize = 8;
+/// Rows from the one that is copied to the one that is fetched.
+const AHEAD: usize = 4;
 /// More than a footprint of samples that nobody reads.
 static FAR: [[f32; 1]; 64] = [[0.0]; 64];
 /// Lanes of a search for the least and the greatest.
@@ -71,21 +73,6 @@ impl Part {
         let corner = [ranges[0].start as i32, ranges[1].start as i32];
         Self { corner, size: ranges.map(|range| (range.end - range.start) as usize) }
     }
-
-    /// Has the memory bring one of `shares` parts of it nearer. It must lie inside the planes.
-    #[inline(always)]
-    pub fn fetch<const C: usize>(&self, planes: &[View<f32>; C], share: usize, shares: usize) {
-        let [x, y] = self.corner.map(|corner| corner as usize);
-        let [width, height] = self.size;
-        for row in y + height * share / shares..y + height * (share + 1) / shares {
-            for plane in planes {
-                #[cfg(target_arch = "x86_64")]
-                super::simd::fetch_far(&plane.row(row)[x..x + width]);
-                #[cfg(not(target_arch = "x86_64"))]
-                let _ = (plane, x, width);
-            }
-        }
-    }
 }
 
 /// Lowers and raises limits to hold some values; NaN does nothing.
@@ -107,7 +94,6 @@ fn widen(low: &mut [f64; LANES], high: &mut [f64; LANES], values: &[f64]) {
 /// The samples of a part of C planes, a pixel's channels side by side.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Samples<'a, const C: usize> {
-    pub part: Part,
     pub planes: [View<'a, f32>; C],
     pixels: &'a [[f32; C]],
     /// Pixels from a row to the next.
@@ -122,19 +108,106 @@ impl<'a, const C: usize> Samples<'a, C> {
     }
 }
 
-impl<'a> Samples<'a, 1> {
+/// The samples of a part of C planes, got row by row as they are asked for: so they are near when they are weighed, and
+/// few rows of the planes are in the cache at a time.
+#[derive(Debug)]
+pub(super) struct Supply<'a, const C: usize> {
+    pub part: Part,
+    pub stride: usize,
+    source: &'a Source,
+    planes: [View<'a, f32>; C],
+    pixels: Store<'a, C>,
+    /// What of the part, and of the one after it, lies inside the source.
+    inside: [Part; 2],
+    /// Rows of the part that were asked for.
+    rows: usize,
+}
+
+/// Where samples lie.
+#[derive(Debug)]
+enum Store<'a, const C: usize> {
+    /// A copy, to be filled.
+    Copy(&'a mut [[f32; C]]),
+    Plane(&'a [[f32; C]]),
+}
+
+impl<'a> Supply<'a, 1> {
     /// The plane itself, what of a part lies in it. If that does not hold a footprint, samples far from the part.
-    pub fn of_plane(plane: View<'a, f32>, source: &Source, part: &Part, taps: usize) -> Self {
+    pub fn of_plane(plane: View<'a, f32>, source: &'a Source, part: &Part, next: Option<Part>, taps: usize) -> Self {
         let mut part = part.inside(source);
         let (samples, stride) = plane.samples();
         // Pixels have numbers of 32 bits.
         part.size[1] = part.size[1].min(u32::MAX as usize / stride.max(1));
+        let inside = [part, next.unwrap_or_default()];
+        let supply = Self { part, stride, source, planes: [plane], pixels: Store::Plane(&FAR), inside, rows: 0 };
         if part.size[0] < taps || part.size[1] < taps {
             let part = Part { corner: [i32::MIN / 2; 2], size: [taps; 2] };
-            return Self { part, planes: [plane], pixels: &FAR, stride: taps };
+            return Self { part, stride: taps, inside: Default::default(), ..supply };
         }
         let first = part.corner[1] as usize * stride + part.corner[0] as usize;
-        Self { part, planes: [plane], pixels: samples[first..].as_chunks().0, stride }
+        Self { pixels: Store::Plane(samples[first..].as_chunks().0), ..supply }
+    }
+}
+
+impl<'a, const C: usize> Supply<'a, C> {
+    /// None of its rows is fetched: few of their samples are needed.
+    pub fn sparse(self) -> Self {
+        Self { rows: usize::MAX, ..self }
+    }
+
+    /// The samples, with the part's first rows, at least `rows`.
+    #[inline(always)]
+    pub fn samples(&mut self, rows: usize) -> Samples<'_, C> {
+        while self.rows < rows {
+            self.fetch(self.rows + AHEAD);
+            self.load(self.rows);
+            self.rows += 1;
+        }
+        let pixels = match &self.pixels {
+            Store::Copy(pixels) => pixels,
+            Store::Plane(pixels) => *pixels,
+        };
+        Samples { planes: self.planes, pixels, stride: self.stride }
+    }
+
+    /// Has the memory bring a row nearer; those beyond the part's last are the next part's.
+    #[inline(always)]
+    fn fetch(&self, row: usize) {
+        let [here, next] = &self.inside;
+        let (part, row) = if row < here.size[1] { (here, row) } else { (next, row - here.size[1]) };
+        if row >= part.size[1] {
+            return;
+        }
+        let [x, y] = part.corner.map(|corner| corner as usize);
+        for plane in &self.planes {
+            #[cfg(target_arch = "x86_64")]
+            super::simd::fetch_far(&plane.row(y + row)[x..x + part.size[0]]);
+            #[cfg(not(target_arch = "x86_64"))]
+            let _ = (plane, x, y);
+        }
+    }
+
+    /// Copies a row of the part, if it is to be copied.
+    #[inline(always)]
+    fn load(&mut self, row: usize) {
+        let Store::Copy(pixels) = &mut self.pixels else { return };
+        let (part, within, source, width) = (&self.part, &self.inside[0], self.source, self.part.size[0]);
+        let line = &mut pixels[row * width..(row + 1) * width];
+        let Some(row) = source.row(part.corner[1] + row as i32) else {
+            line.fill([0.0; C]);
+            return;
+        };
+        let rows = self.planes.map(|plane| plane.row(row));
+        let start = if within.size[0] > 0 { (within.corner[0] - part.corner[0]) as usize } else { width };
+        let inside = start..start + within.size[0];
+        for x in (0..inside.start).chain(inside.end..width) {
+            let column = source.column(part.corner[0] + x as i32);
+            line[x] = column.map_or([0.0; C], |column| rows.map(|row| row[column]));
+        }
+        if !inside.is_empty() {
+            let from = within.corner[0] as usize;
+            interleave(rows.map(|row| &row[from..from + inside.len()]), &mut line[inside]);
+        }
     }
 }
 
@@ -145,31 +218,21 @@ pub(super) struct Block<const C: usize> {
 }
 
 impl<const C: usize> Block<C> {
-    /// Copies a part.
-    #[inline(always)]
-    pub fn load<'a>(&'a mut self, source: &Source, planes: [View<'a, f32>; C], part: Part) -> Samples<'a, C> {
-        let ([width, height], within) = (part.size, part.inside(source));
+    /// A part to be copied; `next` is what of the next one lies inside.
+    pub fn supply<'a>(
+        &'a mut self,
+        source: &'a Source,
+        planes: [View<'a, f32>; C],
+        part: Part,
+        next: Option<Part>,
+    ) -> Supply<'a, C> {
+        let [width, height] = part.size;
         if self.pixels.len() < width * height {
             self.pixels.resize(width * height, [0.0; C]);
         }
-        let start = if within.size[0] > 0 { (within.corner[0] - part.corner[0]) as usize } else { width };
-        let inside = start..start + within.size[0];
-        for (y, line) in self.pixels.chunks_exact_mut(width).take(height).enumerate() {
-            let Some(row) = source.row(part.corner[1] + y as i32) else {
-                line.fill([0.0; C]);
-                continue;
-            };
-            let rows = planes.map(|plane| plane.row(row));
-            for x in (0..inside.start).chain(inside.end..width) {
-                let column = source.column(part.corner[0] + x as i32);
-                line[x] = column.map_or([0.0; C], |column| rows.map(|row| row[column]));
-            }
-            if !inside.is_empty() {
-                let from = within.corner[0] as usize;
-                interleave(rows.map(|row| &row[from..from + inside.len()]), &mut line[inside.clone()]);
-            }
-        }
-        Samples { part, planes, pixels: &self.pixels, stride: width }
+        let inside = [part.inside(source), next.unwrap_or_default()];
+        let pixels = Store::Copy(&mut self.pixels);
+        Supply { part, stride: width, source, planes, pixels, inside, rows: 0 }
     }
 }
 

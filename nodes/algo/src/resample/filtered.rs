@@ -1,6 +1,6 @@
 //! Filtered values of a tile's pixels, block by block.
 
-use super::block::{BLOCK_WIDTH, Block, Part, Pixels, Samples};
+use super::block::{BLOCK_WIDTH, Block, Part, Pixels, Samples, Supply};
 use super::filter::Kernel;
 use super::locate::Located;
 use super::sample::Source;
@@ -92,17 +92,18 @@ impl<const T: usize, const D: usize> Painter<'_, T, D> {
             if dense && planes.len() > 1 {
                 // Where there are fewer, the last one fills up.
                 let planes = std::array::from_fn(|i| planes[i.min(planes.len() - 1)]);
-                let samples = blocks.together.load(self.source, planes, part);
-                bad += self.rows(&samples, next.as_ref(), pixels, out);
+                let supply = blocks.together.supply(self.source, planes, part, next);
+                bad += self.rows(supply, pixels, out);
                 continue;
             }
             for (&plane, out) in planes.iter().zip(out.chunks_mut(1)) {
-                let samples = if dense && part.inside(self.source) != part {
-                    blocks.alone.load(self.source, [plane], part)
+                let supply = if dense && part.inside(self.source) != part {
+                    blocks.alone.supply(self.source, [plane], part, next)
                 } else {
-                    Samples::of_plane(plane, self.source, &part, T)
+                    let supply = Supply::of_plane(plane, self.source, &part, next, T);
+                    if dense { supply } else { supply.sparse() }
                 };
-                bad += self.rows(&samples, next.as_ref(), pixels, out);
+                bad += self.rows(supply, pixels, out);
             }
         }
         bad
@@ -114,20 +115,11 @@ impl<const T: usize, const D: usize> Painter<'_, T, D> {
     }
 
     #[inline(always)]
-    fn rows<const C: usize>(
-        &mut self,
-        samples: &Samples<C>,
-        next: Option<&Part>,
-        pixels: &Pixels,
-        out: &mut [ViewMut<f32>],
-    ) -> u64 {
+    fn rows<const C: usize>(&mut self, mut supply: Supply<C>, pixels: &Pixels, out: &mut [ViewMut<f32>]) -> u64 {
         let mut bad = 0;
         // Iterators' closures are not always compiled for the vectors at hand.
         for row in pixels.rows.clone() {
-            if let Some(next) = next {
-                next.fetch(&samples.planes, row, pixels.rows.len());
-            }
-            bad += self.row(row, samples, pixels, out);
+            bad += self.row(row, &mut supply, pixels, out);
         }
         bad
     }
@@ -136,16 +128,16 @@ impl<const T: usize, const D: usize> Painter<'_, T, D> {
     fn row<const C: usize>(
         &mut self,
         row: usize,
-        samples: &Samples<C>,
+        supply: &mut Supply<C>,
         pixels: &Pixels,
         out: &mut [ViewMut<f32>],
     ) -> u64 {
         let (xs, ys) = self.positions.row(row);
         let at = [&xs[pixels.columns.clone()], &ys[pixels.columns.clone()]];
-        self.taps.fill(self.kernel, self.clamp, self.source, at, samples);
+        self.taps.fill(self.kernel, self.clamp, self.source, at, supply.part, supply.stride);
+        let samples = &supply.samples(self.taps.last() as usize / supply.stride + T);
         let mut values = [[0.0; C]; BLOCK_WIDTH];
-        weigh::sums(samples, &self.taps, &mut values);
-        let wild = weigh::some_not_finite(&values);
+        let wild = weigh::sums(samples, &self.taps, &mut values);
         if self.clamp {
             weigh::clamp(samples, &self.taps, &mut values);
         }

@@ -50,6 +50,20 @@ impl Located {
         Ok(())
     }
 
+    /// How many pixels are drawn.
+    pub fn drawn(&self) -> u64 {
+        let mut count = 0;
+        vectorized(
+            #[inline(always)]
+            || {
+                for &x in &self.x {
+                    count += u64::from(!x.is_nan());
+                }
+            },
+        );
+        count
+    }
+
     pub fn height(&self) -> usize {
         self.x.len() / self.width
     }

@@ -247,7 +247,7 @@ fn draw_bands<T: Send, S: Default>(
             let x0 = window.x0 + left as i64;
             let tile = Rect { x0, x1: window.x1.min(x0 + TILE_WIDTH as i64), ..band };
             positions.locate(locator.as_ref(), index, &tile, watch)?;
-            drawn.pixels += positions.x.iter().filter(|x| !x.is_nan()).count() as u64;
+            drawn.pixels += positions.drawn();
             drawn.bad += fill(scratch, positions, left, &mut planes);
             watch.progress(done.load(Ordering::Relaxed) as f64 / count as f64)?;
         }

@@ -36,34 +36,29 @@ pub(super) fn fetch_far(samples: &[f32]) {
     }
 }
 
-/// The weighted sums of a row; false if there is no faster way here.
+/// The weighted sums of a row; whether some is NaN or infinite, none if there is no faster way here.
 #[inline(always)]
 pub(super) fn sums<const T: usize, const C: usize>(
     samples: &Samples<C>,
     taps: &Taps<T>,
     values: &mut Values<C>,
-) -> bool {
+) -> Option<bool> {
     if T != FOUR || (C != FOUR && C != 1) || !available() {
-        return false;
+        return None;
     }
     let (pixels, stride) = (samples.from(0), samples.stride);
-    let mut last = 0;
-    for first in taps.first {
-        last = if first > last { first } else { last };
-    }
-    assert!(last as usize + (FOUR - 1) * stride + FOUR <= pixels.len(), "the samples hold the footprints");
+    assert!(taps.last() as usize + (FOUR - 1) * stride + FOUR <= pixels.len(), "the samples hold the footprints");
     let (samples, values) = (pixels.as_flattened(), values.as_flattened_mut());
     let first = &taps.first[..taps.count.next_multiple_of(FOUR)];
     let [across, down] = &taps.weights;
     // SAFETY: the processor has AVX-512; each footprint lies in `samples`.
-    unsafe {
+    Some(unsafe {
         if C == FOUR {
-            fours(samples, stride * FOUR, first, across, down, values);
+            fours(samples, stride * FOUR, first, across, down, values)
         } else {
-            singles(samples, stride, first, across, down, values);
+            singles(samples, stride, first, across, down, values)
         }
-    }
-    true
+    })
 }
 
 /// # Safety
@@ -77,11 +72,13 @@ unsafe fn singles(
     across: &[[f32; BLOCK_WIDTH]],
     down: &[[f32; BLOCK_WIDTH]],
     values: &mut [f32],
-) {
+) -> bool {
     // Four values as columns or rows of four lanes, and each lane group's first.
     let spread = _mm512_setr_epi32(0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3);
     let turn = _mm512_setr_epi32(0, 4, 8, 12, 1, 5, 9, 13, 2, 6, 10, 14, 3, 7, 11, 15);
     let firsts = _mm512_setr_epi32(0, 4, 8, 12, 0, 4, 8, 12, 0, 4, 8, 12, 0, 4, 8, 12);
+    // NaN where a sum is not finite, else a zero.
+    let mut wild = _mm512_setzero_ps();
     for start in (0..first.len()).step_by(FOUR) {
         // SAFETY: as the caller promised.
         unsafe {
@@ -98,9 +95,18 @@ unsafe fn singles(
             let pairs = _mm512_add_ps(terms, _mm512_permute_ps::<0b10_11_00_01>(terms));
             let sum = _mm512_add_ps(pairs, _mm512_permute_ps::<0b01_00_11_10>(pairs));
             let sum = _mm512_permutexvar_ps(firsts, _mm512_add_ps(sum, _mm512_setzero_ps()));
+            wild = _mm512_add_ps(wild, _mm512_mul_ps(sum, _mm512_setzero_ps()));
             _mm_storeu_ps(values.as_mut_ptr().add(start), _mm512_castps512_ps128(sum));
         }
     }
+    some_nan(wild)
+}
+
+/// Whether some lane is NaN.
+#[inline]
+#[target_feature(enable = "avx512f")]
+fn some_nan(lanes: __m512) -> bool {
+    _mm512_cmp_ps_mask::<_CMP_UNORD_Q>(lanes, lanes) != 0
 }
 
 /// Four vectors side by side.
@@ -122,7 +128,9 @@ unsafe fn fours(
     across: &[[f32; BLOCK_WIDTH]],
     down: &[[f32; BLOCK_WIDTH]],
     values: &mut [f32],
-) {
+) -> bool {
+    // NaN where a sum is not finite, else a zero.
+    let mut wild = _mm512_setzero_ps();
     for start in (0..first.len()).step_by(FOUR) {
         // SAFETY: as the caller promised.
         unsafe {
@@ -140,9 +148,11 @@ unsafe fn fours(
             let c = _mm512_mul_ps(column(2), _mm512_permute_ps::<0xaa>(weights));
             let d = _mm512_mul_ps(column(3), _mm512_permute_ps::<0xff>(weights));
             let sum = _mm512_add_ps(pairs(pairs(a, b), pairs(c, d)), _mm512_setzero_ps());
+            wild = _mm512_add_ps(wild, _mm512_mul_ps(sum, _mm512_setzero_ps()));
             _mm512_storeu_ps(values.as_mut_ptr().add(start * FOUR), sum);
         }
     }
+    some_nan(wild)
 }
 
 /// Of two vectors of four columns each, the sums of columns 0 and 1, 2 and 3.

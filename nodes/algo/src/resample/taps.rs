@@ -3,7 +3,7 @@
 //! Positions are rounded to 2^-24 px, the resolution of the weights: far above the locator's rounding errors, so
 //! that a whole-pixel position is one, and exact for the fraction t and for 1 - t.
 
-use super::block::{BLOCK_WIDTH, Samples};
+use super::block::{BLOCK_WIDTH, Part};
 use super::filter::{FRACTION_BITS, Kernel, RESOLUTION};
 use super::sample::Source;
 
@@ -58,20 +58,21 @@ impl<const T: usize> Taps<T> {
 
     /// `either`: whole positions along one axis matter too, not only those along both.
     #[inline(always)]
-    pub fn fill<const D: usize, const C: usize>(
+    pub fn fill<const D: usize>(
         &mut self,
         kernel: &Kernel<T, D>,
         either: bool,
         source: &Source,
         positions: [&[f64]; 2],
-        samples: &Samples<C>,
+        part: Part,
+        stride: usize,
     ) {
         self.count = positions[0].len();
         let mut place = [[0_u32; BLOCK_WIDTH]; 2];
         let mut beyond = [[0_u32; BLOCK_WIDTH]; 2];
         for axis in 0..2 {
-            let (corner, start) = (source.corner()[axis], samples.part.corner[axis] + (T as i32 / 2 - 1));
-            let last = (samples.part.size[axis] - T) as i32;
+            let (corner, start) = (source.corner()[axis], part.corner[axis] + (T as i32 / 2 - 1));
+            let last = (part.size[axis] - T) as i32;
             let places = place[axis].iter_mut().zip(&mut beyond[axis]).zip(&mut self.rest[axis]);
             for (((place, beyond), rest), &position) in places.zip(positions[axis]) {
                 let (whole, fraction) = split(position - corner - 0.5);
@@ -79,7 +80,7 @@ impl<const T: usize> Taps<T> {
                 (*place, *beyond, *rest) = (held as u32, (held ^ (whole - start)) as u32, fraction);
             }
         }
-        let width = samples.stride as u32;
+        let width = stride as u32;
         // Beyond the row's end too: loops of fixed length compile to whole vectors.
         for i in 0..BLOCK_WIDTH {
             let [x, y] = [u32::from(self.rest[0][i] == 0.0), u32::from(self.rest[1][i] == 0.0)];
@@ -96,6 +97,16 @@ impl<const T: usize> Taps<T> {
                 }
             }
         }
+    }
+
+    /// The greatest of `first`.
+    #[inline(always)]
+    pub fn last(&self) -> u32 {
+        let mut last = 0;
+        for first in self.first {
+            last = if first > last { first } else { last };
+        }
+        last
     }
 
     /// Whether some pixel must be weighed alone.

@@ -12,12 +12,17 @@ const GROUP: usize = 8;
 /// Values of a row's pixels, each with C channels.
 pub(super) type Values<const C: usize> = [[f32; C]; BLOCK_WIDTH];
 
-/// The weighted sums of a row: down each column first, then across, in the order that [`total`] says.
+/// The weighted sums of a row: down each column first, then across, in the order that [`total`] says. Whether some
+/// value is NaN or infinite.
 #[inline(always)]
-pub(super) fn sums<const T: usize, const C: usize>(samples: &Samples<C>, taps: &Taps<T>, values: &mut Values<C>) {
+pub(super) fn sums<const T: usize, const C: usize>(
+    samples: &Samples<C>,
+    taps: &Taps<T>,
+    values: &mut Values<C>,
+) -> bool {
     #[cfg(target_arch = "x86_64")]
-    if super::simd::sums(samples, taps, values) {
-        return;
+    if let Some(wild) = super::simd::sums(samples, taps, values) {
+        return wild;
     }
     for start in (0..taps.count).step_by(GROUP) {
         let terms: [_; GROUP] = std::array::from_fn(|i| terms(samples, taps, start + i));
@@ -27,6 +32,7 @@ pub(super) fn sums<const T: usize, const C: usize>(samples: &Samples<C>, taps: &
             }
         }
     }
+    some_not_finite(values)
 }
 
 /// What each column of pixel `i` gives.
@@ -59,7 +65,7 @@ fn total<const T: usize>(terms: [f32; T]) -> f32 {
 
 /// Whether some value is NaN or infinite.
 #[inline(always)]
-pub(super) fn some_not_finite<const C: usize>(values: &Values<C>) -> bool {
+fn some_not_finite<const C: usize>(values: &Values<C>) -> bool {
     const LANES: usize = 16;
     let mut sums = [0.0; LANES];
     for values in values.as_flattened().as_chunks::<LANES>().0 {
