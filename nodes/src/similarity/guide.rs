@@ -72,7 +72,7 @@ impl Node for SimilarityGuide {
 
     fn check(&self) -> Result<(), NodeError> {
         let diameter = self.diameter;
-        if diameter % 2 == 0 {
+        if diameter.is_multiple_of(2) {
             let error = NodeError::refused(format!("the diameter is {diameter}; it may be odd, 1 to 21"));
             return Err(error.at("diameter").hint(format!("use {} or {}", diameter - 1, diameter + 1)));
         }
