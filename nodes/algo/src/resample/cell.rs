@@ -1,7 +1,6 @@
 //! One cell's map from the picture back to the cell.
 
 use super::spans::{Point, turn};
-use pulp::Simd;
 
 /// A cell's corners in the destination: those of (u, v) = (0, 0), (1, 0), (1, 1), (0, 1).
 pub(super) type Corners = [Point; 4];
@@ -18,12 +17,7 @@ pub(super) enum Shape {
 
 impl Shape {
     /// Decided exactly.
-    #[inline(always)]
     pub fn of(corners: &Corners) -> Self {
-        if is_clearly_convex(corners) { Self::Convex { mirrored: false } } else { Self::of_any(corners) }
-    }
-
-    fn of_any(corners: &Corners) -> Self {
         let turns: [f64; 4] = std::array::from_fn(|i| turn(corners[(i + 3) % 4], corners[i], corners[(i + 1) % 4]));
         let alike = |a: f64, b: f64| (a > 0.0 && b > 0.0) || (a < 0.0 && b < 0.0);
         if alike(turns[0], turns[1]) && alike(turns[1], turns[2]) && alike(turns[2], turns[3]) {
@@ -34,24 +28,10 @@ impl Shape {
     }
 }
 
-/// Whether all corners turn clockwise on screen by more than rounding could have made of any other turn.
-#[inline(always)]
-fn is_clearly_convex(corners: &Corners) -> bool {
-    /// Of the sum of both products; see the exact cross product of the package `robust`, which asks for half of it.
-    const CLEAR: f64 = 4.0 * f64::EPSILON;
-    (0..4).all(|i| {
-        let ([ax, ay], [bx, by], [cx, cy]) = (corners[(i + 3) % 4], corners[i], corners[(i + 1) % 4]);
-        let (left, right) = ((ax - cx) * (by - cy), (ay - cy) * (bx - cx));
-        left - right > CLEAR * (left.abs() + right.abs())
-    })
-}
-
-#[inline(always)]
 fn cross(a: Point, b: Point) -> f64 {
     a[0] * b[1] - a[1] * b[0]
 }
 
-#[inline(always)]
 fn minus(a: Point, b: Point) -> Point {
     [a[0] - b[0], a[1] - b[1]]
 }
@@ -80,7 +60,6 @@ impl InverseBilinear {
     /// digits, and no Newton step is needed.
     const EVEN: f64 = 16.0;
 
-    #[inline(always)]
     pub fn new(&[p00, p10, p11, p01]: &Corners, mirrored: bool) -> Self {
         let (e, f) = (minus(p10, p00), minus(p01, p00));
         let g = minus(minus(p11, p01), e);
@@ -114,25 +93,6 @@ impl InverseBilinear {
         let (below_u, below_v) = (self.ef - hg + jacobian, b + jacobian);
         let scale = 2.0 / (below_u * below_v);
         [hf * below_v * scale, eh * below_u * scale]
-    }
-
-    /// [`Self::at`] for as many points in a row as there are lanes, with the same bits.
-    #[inline(always)]
-    pub fn at_row<S: Simd>(&self, simd: S, x: S::f64s, y: f64) -> [S::f64s; 2] {
-        let splat = |value: f64| simd.splat_f64s(value);
-        let (times, plus, minus) = (|a, b| simd.mul_f64s(a, b), |a, b| simd.add_f64s(a, b), |a, b| simd.sub_f64s(a, b));
-        let [zero, one] = [0.0, 1.0].map(splat);
-        let (hx, hy) = (minus(x, splat(self.origin[0])), y - self.origin[1]);
-        let hf = minus(times(hx, splat(self.f[1])), splat(hy * self.f[0]));
-        let eh = minus(splat(self.e[0] * hy), times(splat(self.e[1]), hx));
-        let hg = minus(times(hx, splat(self.g[1])), splat(hy * self.g[0]));
-        let b = plus(splat(self.ef), hg);
-        let square = plus(times(b, b), times(splat(self.four_gf), eh));
-        let jacobian = times(splat(self.sign), simd.sqrt_f64s(simd.max_f64s(square, zero)));
-        let (below_u, below_v) = (plus(minus(splat(self.ef), hg), jacobian), plus(b, jacobian));
-        let scale = simd.div_f64s(splat(2.0), times(below_u, below_v));
-        [times(times(hf, below_v), scale), times(times(eh, below_u), scale)]
-            .map(|t| simd.min_f64s(simd.max_f64s(t, zero), one))
     }
 
     /// (u, v) of a point of any cell, within 0..=1: one Newton step takes back what rounding cost.

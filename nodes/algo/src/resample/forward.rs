@@ -3,11 +3,10 @@
 use super::cell::{Corners, InverseAffine, InverseBilinear, Shape};
 use super::locate::{BAND_HEIGHT, Clip, Located};
 use super::net::{Axis, Net};
-use super::spans::{CellRow, Centers, Point, Spans};
+use super::spans::{Centers, Point, Spans};
 use crate::bins::by_band;
 use crate::rect::Rect;
 use crate::{Interrupted, Watch};
-use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -132,11 +131,32 @@ impl<'a> Forward<'a> {
 
     /// Locates a tile of band number `band`.
     pub fn tile(&self, band: usize, tile: &Rect, out: &mut Located, watch: Watch) -> Result<(), Interrupted> {
-        Arch::new().dispatch(Tile { forward: self, band, tile, out, watch })
+        let mut drawing = Drawing { spans: Spans::new(tile), columns: Centers::new(tile.x0, tile.x1), out };
+        let [left, right] = [tile.x0, tile.x1].map(|x| (x - self.window.x0) as u32);
+        let (mut upper, mut lower) = (Vec::new(), Vec::new());
+        for &index in &self.bands[band] {
+            let Strip { row, first, end, columns, .. } = self.strips[index as usize];
+            if columns[0] >= right || columns[1] <= left {
+                continue;
+            }
+            watch.go_on()?;
+            let (row, first, end) = (row as usize, first as usize, end as usize);
+            upper.clear();
+            lower.clear();
+            self.load(row, first..end + 1, &mut upper);
+            self.load(row + 1, first..end + 1, &mut lower);
+            for (cell, (upper, lower)) in (first..end).zip(upper.windows(2).zip(lower.windows(2))) {
+                self.draw([cell, row], &[upper[0], upper[1], lower[1], lower[0]], &mut drawing);
+            }
+        }
+        Ok(())
     }
 
-    #[inline(always)]
-    fn draw<S: Simd>(&self, cell: [usize; 2], corners: &Corners, rows: Range<usize>, simd: S, drawing: &mut Drawing) {
+    fn draw(&self, cell: [usize; 2], corners: &Corners, drawing: &mut Drawing) {
+        let rows = drawing.spans.trace(corners);
+        if rows.is_empty() {
+            return;
+        }
         let shape = Shape::of(corners);
         if !self.is_own(cell) && !self.continues(cell, shape) {
             return;
@@ -147,10 +167,8 @@ impl<'a> Forward<'a> {
                 let inverse = InverseBilinear::new(corners, mirrored);
                 if inverse.is_uneven() {
                     drawing.fill(rows, &source, |p| inverse.polished(p));
-                } else if source.clip.is_some() {
-                    drawing.fill(rows, &source, |p| inverse.at(p));
                 } else {
-                    drawing.fill_even(rows, &source, &inverse, simd);
+                    drawing.fill(rows, &source, |p| inverse.at(p));
                 }
             }
             Shape::Folded { split } => {
@@ -220,52 +238,6 @@ struct Source {
     clip: Option<Clip>,
 }
 
-/// A tile to be drawn.
-struct Tile<'a> {
-    forward: &'a Forward<'a>,
-    band: usize,
-    tile: &'a Rect,
-    out: &'a mut Located,
-    watch: Watch<'a>,
-}
-
-impl WithSimd for Tile<'_> {
-    type Output = Result<(), Interrupted>;
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) -> Self::Output {
-        let Self { forward, band, tile, out, watch } = self;
-        let mut drawing = Drawing { spans: Spans::new(tile), columns: Centers::new(tile.x0, tile.x1), out };
-        let [left, right] = [tile.x0, tile.x1].map(|x| (x - forward.window.x0) as u32);
-        let (mut upper, mut lower, mut traced) = (Vec::new(), Vec::new(), CellRow::default());
-        for &index in &forward.bands[band] {
-            let Strip { row, first, end, columns, .. } = forward.strips[index as usize];
-            if columns[0] >= right || columns[1] <= left {
-                continue;
-            }
-            watch.go_on()?;
-            let (row, first, end) = (row as usize, first as usize, end as usize);
-            upper.clear();
-            lower.clear();
-            forward.load(row, first..end + 1, &mut upper);
-            forward.load(row + 1, first..end + 1, &mut lower);
-            for i in drawing.spans.trace_cells([&upper, &lower], &mut traced) {
-                let corners = [upper[i], upper[i + 1], lower[i + 1], lower[i]];
-                if traced.has_columns(i) && !corners.iter().any(|[x, _]| x.is_nan()) {
-                    let rows = drawing.spans.join(&traced, i);
-                    if !rows.is_empty() {
-                        forward.draw([first + i, row], &corners, rows, simd, &mut drawing);
-                    }
-                }
-            }
-        }
-        Ok(())
-    }
-}
-
-/// Lanes' distances from the first.
-const LANES: [f64; 8] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
-
 /// A tile being drawn.
 struct Drawing<'a> {
     spans: Spans,
@@ -283,27 +255,6 @@ impl Drawing<'_> {
             let [s, t] = inverse.at(p);
             [0, 1].map(|i| a[i] + s * (b[i] - a[i]) + t * (c[i] - a[i]))
         });
-    }
-
-    /// [`Self::fill`] with an even cell of which all is drawn.
-    #[inline(always)]
-    fn fill_even<S: Simd>(&mut self, rows: Range<usize>, source: &Source, inverse: &InverseBilinear, simd: S) {
-        let splat = |point: Point| point.map(|value| simd.splat_f64s(value));
-        let (low, size, lanes) = (splat(source.low), splat(source.size), S::as_simd_f64s(&LANES).0[0]);
-        for row in rows {
-            let run = self.spans.run(row);
-            let y = self.spans.row_center(row);
-            for first in run.clone().step_by(S::F64_LANES) {
-                let x = simd.add_f64s(simd.splat_f64s(self.columns.at(first)), lanes);
-                let uv = inverse.at_row(simd, x, y);
-                let begin = row * self.out.width + first;
-                let pixels = begin..begin + S::F64_LANES.min(run.end - first);
-                for (axis, to) in [&mut self.out.x, &mut self.out.y].into_iter().enumerate() {
-                    let position = simd.add_f64s(low[axis], simd.mul_f64s(uv[axis], size[axis]));
-                    simd.partial_store_f64s(&mut to[pixels.clone()], position);
-                }
-            }
-        }
     }
 
     /// Fills the spans traced last with source positions; `uv` gives the place in the cell of a pixel centre.

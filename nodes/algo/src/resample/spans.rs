@@ -96,59 +96,6 @@ impl Spans {
         rows
     }
 
-    /// Traces the edges of a row of cells between two lines of nodes, each once; gives the cells that may own columns of
-    /// the tile.
-    pub fn trace_cells(&self, lines: [&[Point]; 2], traced: &mut CellRow) -> Range<usize> {
-        for (starts, line) in traced.starts.iter_mut().zip(lines) {
-            starts.clear();
-            starts.extend(line.iter().map(|&[x, y]| [self.columns.not_before(x), self.rows.not_before(y)]));
-        }
-        let cells = traced.cells_with_columns();
-        traced.crossings.clear();
-        for (which, line) in lines.into_iter().enumerate() {
-            traced.along[which].clear();
-            traced.along[which].resize(cells.start, Traced::NOTHING);
-            for cell in cells.clone() {
-                let ends = [cell, cell + 1].map(|node| (line[node], traced.starts[which][node][1]));
-                let edge = self.trace_edge(ends, &mut traced.crossings);
-                traced.along[which].push(edge);
-            }
-        }
-        traced.across.clear();
-        traced.across.resize(cells.start, Traced::NOTHING);
-        for node in cells.start..cells.end + 1 {
-            let ends = [0, 1].map(|which: usize| (lines[which][node], traced.starts[which][node][1]));
-            let edge = self.trace_edge(ends, &mut traced.crossings);
-            traced.across.push(edge);
-        }
-        cells
-    }
-
-    /// Adds the columns at which the rows cross the edge between two nodes, given with their first rows.
-    fn trace_edge(&self, [(a, from), (b, to)]: [(Point, usize); 2], crossings: &mut Vec<u32>) -> Traced {
-        let (upper, lower, rows) = if a[1] < b[1] { (a, b, from..to) } else { (b, a, to..from) };
-        if rows.is_empty() || a[0].is_nan() || b[0].is_nan() {
-            return Traced::NOTHING;
-        }
-        let (edge, begin) = (Edge::new(upper, lower), crossings.len());
-        crossings.extend(rows.clone().map(|row| edge.crossing(self.rows.at(row), &self.columns)));
-        Traced { first: rows.start as u32, begin: begin as u32, end: crossings.len() as u32 }
-    }
-
-    /// [`Self::trace`] of a cell whose edges are traced and whose corners are no NaN.
-    pub fn join(&mut self, traced: &CellRow, cell: usize) -> Range<usize> {
-        let starts = traced.starts_of(cell).map(|[_, row]| row);
-        let rows = starts.iter().fold(starts[0], |a, &b| a.min(b))..starts.iter().fold(starts[0], |a, &b| a.max(b));
-        self.runs[rows.clone()].fill([u32::MAX, 0]);
-        for edge in [traced.along[0][cell], traced.across[cell + 1], traced.along[1][cell], traced.across[cell]] {
-            let crossings = &traced.crossings[edge.begin as usize..edge.end as usize];
-            for (run, &crossing) in self.runs[edge.first as usize..].iter_mut().zip(crossings) {
-                *run = [run[0].min(crossing), run[1].max(crossing)];
-            }
-        }
-        rows
-    }
-
     /// Widens the runs of the rows that an edge crosses.
     fn cross(&mut self, edge: &Edge, rows: Range<usize>) {
         for (row, run) in rows.clone().zip(&mut self.runs[rows]) {
@@ -165,50 +112,6 @@ impl Spans {
     /// The columns owned in `row` by the polygon traced last.
     pub fn run(&self, row: usize) -> Range<usize> {
         self.runs[row][0] as usize..self.runs[row][1] as usize
-    }
-}
-
-/// The crossings of an edge with rows from `first` on, among those of its row of cells.
-#[derive(Clone, Copy, Debug)]
-struct Traced {
-    first: u32,
-    begin: u32,
-    end: u32,
-}
-
-impl Traced {
-    const NOTHING: Self = Self { first: 0, begin: 0, end: 0 };
-}
-
-/// The edges of a row of cells, traced through a tile.
-#[derive(Debug, Default)]
-pub(super) struct CellRow {
-    /// For the nodes of the upper and of the lower line the first column and row of the tile that is not before them.
-    starts: [Vec<[usize; 2]>; 2],
-    /// Edges along both lines.
-    along: [Vec<Traced>; 2],
-    /// Edges from one line to the other.
-    across: Vec<Traced>,
-    crossings: Vec<u32>,
-}
-
-impl CellRow {
-    fn starts_of(&self, cell: usize) -> [[usize; 2]; 4] {
-        let [upper, lower] = &self.starts;
-        [upper[cell], upper[cell + 1], lower[cell + 1], lower[cell]]
-    }
-
-    /// Whether a cell's bounding box may own columns of the tile.
-    pub fn has_columns(&self, cell: usize) -> bool {
-        let [a, b, c, d] = self.starts_of(cell).map(|[column, _]| column);
-        a.min(b).min(c).min(d) < a.max(b).max(c).max(d)
-    }
-
-    fn cells_with_columns(&self) -> Range<usize> {
-        let cells = 0..self.starts[0].len() - 1;
-        let first = cells.clone().find(|&cell| self.has_columns(cell)).unwrap_or(cells.end);
-        let last = cells.rev().find(|&cell| self.has_columns(cell));
-        first..last.map_or(first, |last| last + 1)
     }
 }
 
@@ -273,35 +176,6 @@ mod tests {
         let [upper, lower] = [[square[0], square[1], square[2]], [square[0], square[2], square[3]]];
         assert_eq!(runs(&tile, &upper), [vec![0, 1], vec![1], vec![], vec![]]);
         assert_eq!(runs(&tile, &lower), [vec![], vec![0], vec![], vec![]]);
-    }
-
-    /// Edges traced once for two cells own what the cells alone own.
-    #[test]
-    fn cells_of_a_row_share_their_edges() {
-        let upper = [[-3.0, 1.5], [2.5, 0.5], [7.25, 3.0], [f64::NAN; 2], [11.0, 2.0], [14.5, 2.5], [40.0, -3.0]];
-        let lower = [[-2.5, 7.5], [2.5, 8.5], [6.0, 9.5], [9.0, 8.0], [12.0, 12.25], [13.5, 20.0], [41.0, 9.0]];
-        for tile in [Rect::new(0, 0, 16, 16), Rect::new(-4, 3, 6, 9), Rect::new(16, 0, 48, 4), Rect::new(50, 0, 60, 9)]
-        {
-            let (mut spans, mut traced) = (Spans::new(&tile), CellRow::default());
-            for _ in 0..2 {
-                let cells = spans.trace_cells([&upper, &lower], &mut traced);
-                for cell in 0..upper.len() - 1 {
-                    let polygon = [upper[cell], upper[cell + 1], lower[cell + 1], lower[cell]];
-                    let alone = runs(&tile, &polygon);
-                    let is_nan = polygon.iter().any(|[x, _]| x.is_nan());
-                    let owned: usize = alone.iter().map(Vec::len).sum();
-                    if is_nan || !cells.contains(&cell) || !traced.has_columns(cell) {
-                        assert_eq!(owned, 0, "cell {cell} of {tile:?}");
-                        continue;
-                    }
-                    let rows = spans.join(&traced, cell);
-                    for (row, alone) in alone.iter().enumerate() {
-                        let run: Vec<usize> = if rows.contains(&row) { spans.run(row).collect() } else { vec![] };
-                        assert_eq!(run, *alone, "row {row} of cell {cell} of {tile:?}");
-                    }
-                }
-            }
-        }
     }
 
     #[test]
