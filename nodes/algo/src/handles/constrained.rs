@@ -21,7 +21,7 @@ const NOTHING: f64 = 1e-12;
 const RESIDUAL: f64 = 1e-12;
 
 /// or while they miss the constraints by more than this share of their largest entry.
-const MISS: f64 = 1e-10;
+const MISS: f64 = 1e-11;
 
 /// Nodes that follow the forces together, side by side with others.
 const PART: usize = 4096;
