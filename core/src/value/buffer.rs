@@ -1,6 +1,7 @@
 //! The one type that holds pixels.
 
 use std::marker::PhantomData;
+use std::ops::Range;
 use std::sync::{Arc, Mutex, OnceLock};
 
 use rayon::prelude::*;
@@ -27,11 +28,7 @@ pub trait Storage: Send + Sync + 'static {
     fn bytes(&self) -> &[u8];
 }
 
-/// 64 bytes on a 64-byte boundary: one cache line, one AVX-512 register.
-#[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
-#[repr(C, align(64))]
-struct Line([u32; SAMPLES_PER_LINE]);
-
+/// Samples of 64 bytes: one cache line, one AVX-512 register.
 const SAMPLES_PER_LINE: usize = 16;
 
 /// Immutable samples in rows; each row starts on a 64-byte boundary. Clones share the samples.
@@ -133,14 +130,20 @@ impl<T: Sample> Buffer<T> {
                     let top = band * rows_per_band;
                     let mut hasher = blake3::Hasher::new();
                     let band = top..(top + rows_per_band).min(rows);
+                    // Long updates keep all lanes of the hash busy.
                     if self.stride == self.width {
-                        // One long update keeps all lanes of the hash busy.
                         let samples = &self.samples()[band.start * self.stride..band.end * self.stride];
                         hasher.update(bytemuck::cast_slice(samples));
                     } else {
+                        let mut packed = Vec::with_capacity(self.width * (PACKED / self.width).max(1));
                         for y in band {
-                            hasher.update(bytemuck::cast_slice(self.row(y)));
+                            packed.extend_from_slice(self.row(y));
+                            if packed.len() + self.width > packed.capacity() {
+                                hasher.update(bytemuck::cast_slice(&packed));
+                                packed.clear();
+                            }
                         }
+                        hasher.update(bytemuck::cast_slice(&packed));
                     }
                     Digest(*hasher.finalize().as_bytes())
                 })
@@ -157,6 +160,9 @@ impl<T: Sample> Buffer<T> {
 }
 
 const BAND_BYTES: usize = 1 << 20;
+
+/// Samples of rows with gaps between them that are packed to be hashed together.
+const PACKED: usize = 1 << 15;
 
 impl<T: Sample> std::fmt::Debug for Buffer<T> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
@@ -183,7 +189,7 @@ impl<T: Sample> BufferMut<T> {
     /// `width` x `height` zeros.
     pub fn zeroed(width: usize, height: usize) -> Self {
         let stride = width.next_multiple_of(SAMPLES_PER_LINE);
-        Self { heap: Heap::zeroed(stride / SAMPLES_PER_LINE * height), width, height, stride, sample: PhantomData }
+        Self { heap: Heap::zeroed(stride * height), width, height, stride, sample: PhantomData }
     }
 
     /// Bytes that `width` x `height` samples take, gaps between rows included.
@@ -208,7 +214,7 @@ impl<T: Sample> BufferMut<T> {
 
     /// All samples, gaps between rows included; what is written into gaps is ignored.
     pub fn samples_mut(&mut self) -> &mut [T] {
-        bytemuck::cast_slice_mut(&mut self.heap.lines)
+        bytemuck::cast_slice_mut(self.heap.words_mut())
     }
 
     /// Row `y`.
@@ -223,21 +229,26 @@ impl<T: Sample> BufferMut<T> {
     }
 }
 
-/// Heap lines. Large ones go to a shelf when dropped, to be used again: fresh pages cost more than most kernels
-/// (67 ms for 132 MB where hashing it takes 26 ms).
+/// Samples on the heap, the first on a 64-byte boundary. Large ones go to a shelf when dropped, to be used again: fresh
+/// pages cost more than most kernels (67 ms for 132 MB where hashing it takes 26 ms).
 struct Heap {
-    lines: Vec<Line>,
+    /// As many words as a line more than there are samples: an aligned vector would be filled with zeros on one thread,
+    /// where fresh pages are zeros anyway and are made by the threads that first write them.
+    words: Vec<u32>,
+    len: usize,
 }
 
-const SHELF_FLOOR: usize = (1 << 20) / size_of::<Line>();
-const SHELF_CAPACITY: usize = (512 << 20) / size_of::<Line>();
+const SHELF_FLOOR: usize = (1 << 20) / size_of::<u32>();
+const SHELF_CAPACITY: usize = (512 << 20) / size_of::<u32>();
+/// Words that threads fill with zeros side by side.
+const FILLED: usize = 1 << 18;
 
 /// Memory that no buffer uses and that was not given back; the oldest comes first.
 static SHELF: Mutex<Shelf> = Mutex::new(Shelf { heaps: Vec::new(), len: 0 });
 
 struct Shelf {
-    heaps: Vec<Vec<Line>>,
-    /// Lines in all of them.
+    heaps: Vec<Vec<u32>>,
+    /// Words in all of them.
     len: usize,
 }
 
@@ -247,7 +258,7 @@ impl Shelf {
     }
 
     /// The heap of just this length, or, if there is none, none; then others make room for a fresh one.
-    fn take(len: usize) -> Option<Vec<Line>> {
+    fn take(len: usize) -> Option<Vec<u32>> {
         let mut shelf = Self::lock();
         let Some(at) = shelf.heaps.iter().position(|heap| heap.len() == len) else {
             let keep = shelf.len.saturating_sub(len);
@@ -260,7 +271,7 @@ impl Shelf {
         Some(shelf.heaps.remove(at))
     }
 
-    fn put(heap: Vec<Line>) {
+    fn put(heap: Vec<u32>) {
         let mut shelf = Self::lock();
         shelf.len += heap.len();
         shelf.heaps.push(heap);
@@ -270,8 +281,8 @@ impl Shelf {
         drop(given_back);
     }
 
-    /// Takes out the oldest heaps until at most `keep` lines are left.
-    fn cut(&mut self, keep: usize) -> Vec<Vec<Line>> {
+    /// Takes out the oldest heaps until at most `keep` words are left.
+    fn cut(&mut self, keep: usize) -> Vec<Vec<u32>> {
         let mut count = 0;
         while self.len > keep {
             self.len -= self.heaps[count].len();
@@ -283,38 +294,51 @@ impl Shelf {
 
 /// Bytes that lie ready for new buffers. They are resident and hold nothing.
 pub(crate) fn shelf_bytes() -> u64 {
-    (Shelf::lock().len * size_of::<Line>()) as u64
+    (Shelf::lock().len * size_of::<u32>()) as u64
 }
 
 /// Gives memory that lies ready for new buffers back to the system until at most `keep` bytes are left.
 pub(crate) fn cut_shelf(keep: u64) {
-    let given_back = Shelf::lock().cut(usize::try_from(keep).unwrap_or(usize::MAX) / size_of::<Line>());
+    let given_back = Shelf::lock().cut(usize::try_from(keep).unwrap_or(usize::MAX) / size_of::<u32>());
     drop(given_back);
 }
 
 impl Heap {
+    /// `len` zeros.
     fn zeroed(len: usize) -> Self {
-        if len >= SHELF_FLOOR
-            && let Some(mut lines) = Shelf::take(len)
+        let room = len + SAMPLES_PER_LINE;
+        if room >= SHELF_FLOOR
+            && let Some(mut words) = Shelf::take(room)
         {
-            lines.par_chunks_mut(1 << 14).for_each(|chunk| chunk.fill(bytemuck::Zeroable::zeroed()));
-            return Self { lines };
+            words.par_chunks_mut(FILLED).for_each(|chunk| chunk.fill(0));
+            return Self { words, len };
         }
-        Self { lines: bytemuck::allocation::zeroed_vec(len) }
+        Self { words: vec![0; room], len }
+    }
+
+    /// Where the samples lie among the words.
+    fn range(&self) -> Range<usize> {
+        let first = self.words.as_ptr().align_offset(SAMPLES_PER_LINE * size_of::<u32>());
+        first..first + self.len
+    }
+
+    fn words_mut(&mut self) -> &mut [u32] {
+        let range = self.range();
+        &mut self.words[range]
     }
 }
 
 impl Storage for Heap {
     fn bytes(&self) -> &[u8] {
-        bytemuck::cast_slice(&self.lines)
+        bytemuck::cast_slice(&self.words[self.range()])
     }
 }
 
 impl Drop for Heap {
     fn drop(&mut self) {
-        let lines = std::mem::take(&mut self.lines);
-        if lines.len() >= SHELF_FLOOR {
-            Shelf::put(lines);
+        let words = std::mem::take(&mut self.words);
+        if words.len() >= SHELF_FLOOR {
+            Shelf::put(words);
         }
     }
 }
@@ -354,15 +378,15 @@ mod tests {
         assert_eq!(digest_on(1), digest_on(3));
     }
 
-    /// Rows that follow each other without gaps are hashed together.
+    /// Rows are hashed together, with and without gaps.
     #[test]
     fn digest_is_of_the_samples_in_order() {
-        for width in [5, 16, 32] {
-            let packed: Vec<u32> = (0..width * 7).collect();
+        for (width, height) in [(5, 7), (16, 7), (32, 7), (3001, 13), (40_001, 3)] {
+            let packed: Vec<u32> = (0..width * height).collect();
             let mut hasher = Hasher::new("buffer");
-            hasher.text(u32::NAME).int(width.into()).int(7);
+            hasher.text(u32::NAME).int(width.into()).int(height.into());
             let expected = hasher.digest(&Digest::of_bytes(bytemuck::cast_slice(&packed))).finish();
-            assert_eq!(Buffer::from_packed(&packed, width as usize, 7).digest(), expected, "{width}");
+            assert_eq!(Buffer::from_packed(&packed, width as usize, height as usize).digest(), expected, "{width}");
         }
     }
 

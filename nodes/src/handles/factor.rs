@@ -35,12 +35,13 @@ impl Node for HandleFactor {
         let factored = handles::factor(&lattice(&grid), &at_work);
         let factor = factored.map_err(|error| super::refusal(error, &grid, at_work))?;
         let unknowns = factor.unknowns();
+        let prepared = super::Prepared::new(factor);
         let value = Factor {
             grid: *grid,
             structure: Hasher::new("handle factor").digest(&grid.digest()).finish(),
-            bytes: factor.bytes() as u64,
+            bytes: prepared.bytes() as u64,
             summary: json!({ "kind": "Factor", "solver": "handles", "unknowns": unknowns }),
-            solver: Arc::new(factor),
+            solver: Arc::new(prepared),
         };
         Ok(Outputs::from(value).stat("unknowns", unknowns).stat("seconds_factor", start.elapsed().as_secs_f64()))
     }

@@ -6,12 +6,49 @@ mod warp;
 pub use factor::HandleFactor;
 pub use warp::Handles;
 
-use warploom_algo::Interrupted;
-use warploom_algo::handles::Error;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use warploom_algo::handles::{self, Error, Handle, Held, Mode};
+use warploom_algo::{Interrupted, Watch};
 use warploom_core::node::NodeError;
 use warploom_core::value::Grid;
 
 use crate::adapt::{AtWork, described, too_large};
+
+/// A prepared lattice, and the handles that were last prepared on it: a drag moves their targets alone.
+struct Prepared {
+    factor: handles::HandleFactor,
+    last: Mutex<Option<Arc<Held>>>,
+}
+
+/// Of the factor's bytes prepared handles may take one in so many to be kept.
+const KEPT: usize = 2;
+
+impl Prepared {
+    fn new(factor: handles::HandleFactor) -> Self {
+        Self { factor, last: Mutex::default() }
+    }
+
+    /// Bytes held at most.
+    fn bytes(&self) -> usize {
+        self.factor.bytes() + self.factor.bytes() / KEPT
+    }
+
+    /// The handles prepared; what is found there gives the same bits as what is made anew.
+    fn hold(&self, handles: &[Handle], mode: Mode, watch: Watch) -> Result<Arc<Held>, Error> {
+        let last = || self.last.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(held) = last().as_ref().filter(|held| held.holds(handles, mode)) {
+            return Ok(held.clone());
+        }
+        let other = last().take();
+        drop(other);
+        let held = Arc::new(handles::hold(&self.factor, handles, mode, watch)?);
+        if held.bytes() <= self.factor.bytes() / KEPT {
+            *last() = Some(held.clone());
+        }
+        Ok(held)
+    }
+}
 
 /// Why the solver gave nothing; what the handles are to blame for is told before.
 fn refusal(error: Error, grid: &Grid, at_work: AtWork) -> NodeError {

@@ -79,13 +79,13 @@ pub enum Mode {
 const LARGE_MISS: f64 = 1.0;
 
 impl Node for Handles {
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
     const OUTPUTS: &'static [Output] = crate::warp::WARP;
     const CPU_FAMILY: bool = true;
 
     fn compute(&self, cx: &Context) -> Result<Outputs, NodeError> {
         let factor = cx.get(&self.factor);
-        let solver: &handles::HandleFactor = adapt::solver(&factor, "factor", "HandleFactor")?;
+        let solver: &super::Prepared = adapt::solver(&factor, "factor", "HandleFactor")?;
         let lattice = lattice(&factor.grid);
         let start = Instant::now();
         let dragged = self.dragged(&lattice)?;
@@ -94,7 +94,8 @@ impl Node for Handles {
             Mode::Rigid => handles::Mode::Rigid,
         };
         let at_work = watch(cx);
-        let solved = handles::solve(solver, &dragged.handles, mode, &at_work);
+        let held = solver.hold(&dragged.handles, mode, &at_work);
+        let solved = held.and_then(|held| handles::solve(&solver.factor, &held, &dragged.handles, &at_work));
         let solved = solved.map_err(|error| {
             let blamed = dragged.blame(&lattice, error);
             blamed.unwrap_or_else(|| super::refusal(error, &factor.grid, at_work))
@@ -108,7 +109,7 @@ impl Node for Handles {
         });
         Ok(crate::warp::certified(cx, &factor.grid, solved.positions)?
             .warning(missed)
-            .stat("unknowns", solver.unknowns())
+            .stat("unknowns", solver.factor.unknowns())
             .stat("constraints", solved.constraints)
             .stat("rank", solved.rank)
             .stat("dependent_constraints", solved.constraints - solved.rank)

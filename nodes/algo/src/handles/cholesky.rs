@@ -12,7 +12,7 @@ use faer::sparse::linalg::cholesky::{
     CholeskySymbolicParams, LltRef, SymbolicCholesky, SymbolicCholeskyRaw, SymmetricOrdering,
     factorize_symbolic_cholesky,
 };
-use faer::{Accum, Conj, Mat, Par, Side, Spec};
+use faer::{Accum, Conj, Mat, MatMut, Par, Side, Spec};
 
 use super::Error;
 use super::energy::{Energy, Number};
@@ -93,14 +93,14 @@ impl<T: Number> Factor<T> {
     }
 
     /// K times each of `fields`, in place. What pulls at a pin is not felt.
-    pub(super) fn solve(&self, fields: &mut Mat<T>) -> Result<(), Error> {
+    pub(super) fn solve(&self, mut fields: MatMut<T>) -> Result<(), Error> {
         for column in 0..fields.ncols() {
             self.pins.iter().for_each(|&pin| fields[(pin, column)] = T::ZERO);
         }
         let mut scratch = scratch(self.symbolic.solve_in_place_scratch::<T>(fields.ncols(), Par::Seq))?;
         LltRef::new(&self.symbolic, &self.values).solve_in_place_with_conj(
             Conj::No,
-            fields.as_mut(),
+            fields,
             Par::Seq,
             MemStack::new(&mut scratch),
         );
@@ -110,7 +110,7 @@ impl<T: Number> Factor<T> {
     fn probe(&self) -> Result<(), Error> {
         let n = self.energy.node_count();
         let mut field = Mat::from_fn(n, 1, |_, _| T::ONE);
-        self.solve(&mut field)?;
+        self.solve(field.as_mut())?;
         let field = field.col(0);
         let mut remainder = vec![T::ZERO; n];
         self.energy.add_gradients(&mut remainder, |nodes| nodes.map(|node| field[node]));

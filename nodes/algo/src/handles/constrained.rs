@@ -2,6 +2,7 @@
 
 use faer::linalg::solvers::{Llt, Solve};
 use faer::{Mat, Side};
+use rayon::prelude::*;
 
 use super::Error;
 use super::cholesky::{Factor, PROBE_LIMIT, larger};
@@ -22,6 +23,9 @@ const RESIDUAL: f64 = 1e-12;
 /// or while they miss the constraints by more than this share of their largest entry.
 const MISS: f64 = 1e-11;
 
+/// Nodes that follow the forces together, side by side with others.
+const PART: usize = 4096;
+
 /// Most solutions of one system: the first and its refinements.
 const PASSES: usize = 4;
 
@@ -36,6 +40,7 @@ pub(super) struct Solution<T> {
 }
 
 /// The pseudo-inverse of a Hermitian matrix without negative eigenvalues.
+#[derive(Debug)]
 enum Inverse<T> {
     Full(Llt<T>),
     /// Eigenvectors of what is not nothing, and the inverse eigenvalues.
@@ -86,43 +91,38 @@ impl<T: Number> Inverse<T> {
 }
 
 /// What an energy does not see, as functions of the node.
-pub(super) type Kernel<'a, T> = &'a [&'a (dyn Fn(usize) -> T + Sync)];
+pub(super) type Kernel<'a, T> = &'a [Box<dyn Fn(usize) -> T + Sync>];
 
-/// An energy's factor with rows of constraints.
-///
-/// Least `d^* H d / 2 - Re b^* d` under `C d = g`: `H d = b + C^* f` with forces f at the rows. N spans the null space of
-/// H and K is the inverse of H pinned: `d = K (b + C^* f) + N a` where `S f + C N a = g - C K b` and `(C N)^* f = 0`,
-/// S = C K C^*. As the last line holds, S may grow by a multiple of `C N (C N)^*`: then it is definite unless rows
-/// depend on each other, and its pseudo-inverse gives the least squares of those.
-pub(super) struct Constrained<'a, T> {
-    factor: &'a Factor<T>,
-    rows: &'a [Row],
-    kernel: Kernel<'a, T>,
+/// What rows of constraints need of an energy's factor, whatever they ask for.
+#[derive(Debug)]
+pub(super) struct Prepared<T> {
     /// C N.
     border: Mat<T>,
     inverse: Inverse<T>,
     /// The inverse times C N.
     solved: Mat<T>,
     corner: Llt<T>,
+    /// K C^*, how the nodes follow a pull at each row; kept of few rows.
+    responses: Option<Mat<T>>,
 }
 
-impl<'a, T: Number> Constrained<'a, T> {
-    /// Prepares for `rows` that fix the `kernel`, and asks for what a solution will take.
+impl<T: Number> Prepared<T> {
+    /// Prepares `rows` that fix the `kernel`.
     ///
+    /// * `most`: bytes that the responses may take to be kept.
     /// * `before`: bytes that are held beside it meanwhile.
     pub(super) fn new(
-        factor: &'a Factor<T>,
-        rows: &'a [Row],
-        kernel: Kernel<'a, T>,
+        factor: &Factor<T>,
+        rows: &[Row],
+        kernel: Kernel<T>,
+        most: usize,
         before: usize,
         room: &mut Room,
         watch: Watch,
     ) -> Result<Self, Error> {
         let mut compliance = factor.compliance(rows, before, room, watch)?;
-        let field = factor.energy.node_count() * T::COLUMNS * size_of::<T>();
         let square = rows.len() * rows.len() * size_of::<T>();
         room.phase(before + 3 * square)?;
-        room.phase(before + square + 2 * field + factor.solve_bytes(T::COLUMNS))?;
         let border = Mat::from_fn(rows.len(), kernel.len(), |row, which| {
             rows[row].pulls().fold(T::ZERO, |sum, (node, weight)| sum + kernel[which](node) * weight)
         });
@@ -137,9 +137,68 @@ impl<'a, T: Number> Constrained<'a, T> {
         }
         watch.go_on()?;
         let inverse = Inverse::of(&compliance)?;
+        drop((compliance, outer));
         let solved = inverse.times(&border);
         let corner = (border.adjoint() * &solved).llt(Side::Lower).map_err(|_| Error::NotPositiveDefinite)?;
-        Ok(Self { factor, rows, kernel, border, inverse, solved, corner })
+        watch.go_on()?;
+        let bytes = rows.len().saturating_mul(factor.energy.node_count() * size_of::<T>());
+        let responses = (bytes <= most).then(|| responses(factor, rows, before + square + bytes, room, watch));
+        Ok(Self { border, inverse, solved, corner, responses: responses.transpose()? })
+    }
+
+    /// As for so many rows that their responses are not kept.
+    #[cfg(test)]
+    pub(super) fn forget_responses(&mut self) {
+        self.responses = None;
+    }
+
+    /// Bytes held, approximately.
+    pub(super) fn bytes(&self) -> usize {
+        let responses = self.responses.as_ref().map_or(0, |fields| fields.nrows() * fields.ncols());
+        let rows = self.border.nrows();
+        (responses + rows * (rows + 2 * self.border.ncols())) * size_of::<T>()
+    }
+}
+
+/// K C^*, a quarter of the columns together.
+fn responses<T: Number>(
+    factor: &Factor<T>,
+    rows: &[Row],
+    before: usize,
+    room: &mut Room,
+    watch: Watch,
+) -> Result<Mat<T>, Error> {
+    let together = rows.len().div_ceil(4);
+    room.phase(before + factor.solve_bytes(together))?;
+    let mut fields = Mat::zeros(factor.energy.node_count(), rows.len());
+    for (number, row) in rows.iter().enumerate() {
+        row.pulls().for_each(|(node, by)| fields[(node, number)] += T::ONE * by);
+    }
+    for first in (0..rows.len()).step_by(together) {
+        watch.go_on()?;
+        factor.solve(fields.as_mut().subcols_mut(first, together.min(rows.len() - first)))?;
+    }
+    Ok(fields)
+}
+
+/// An energy's factor with rows of constraints.
+///
+/// Least `d^* H d / 2 - Re b^* d` under `C d = g`: `H d = b + C^* f` with forces f at the rows. N spans the null space of
+/// H and K is the inverse of H pinned: `d = K (b + C^* f) + N a` where `S f + C N a = g - C K b` and `(C N)^* f = 0`,
+/// S = C K C^*. As the last line holds, S may grow by a multiple of `C N (C N)^*`: then it is definite unless rows
+/// depend on each other, and its pseudo-inverse gives the least squares of those.
+pub(super) struct Constrained<'a, T> {
+    pub(super) factor: &'a Factor<T>,
+    pub(super) rows: &'a [Row],
+    pub(super) kernel: Kernel<'a, T>,
+    pub(super) prepared: &'a Prepared<T>,
+}
+
+impl<T: Number> Constrained<'_, T> {
+    /// Bytes that a solution takes.
+    pub(super) fn bytes(&self) -> usize {
+        let field = self.factor.energy.node_count() * T::COLUMNS * size_of::<T>();
+        2 * field + self.factor.solve_bytes(T::COLUMNS)
     }
 
     /// The solution for `loads` b, None being 0, and `moves` g, one column per right-hand side.
@@ -168,7 +227,7 @@ impl<'a, T: Number> Constrained<'a, T> {
             // Nothing is asked for and nothing moves.
             let scale = loads.map_or(0.0, largest) + self.factor.energy.norm() * size;
             residual = if error == 0.0 { 0.0 } else { error / scale };
-            let miss = largest(&self.inverse.reachable(&missing));
+            let miss = largest(&self.prepared.inverse.reachable(&missing));
             if residual <= RESIDUAL && miss <= MISS * size {
                 break;
             }
@@ -178,7 +237,7 @@ impl<'a, T: Number> Constrained<'a, T> {
         if residual > PROBE_LIMIT {
             return Err(Error::Inaccurate { residual });
         }
-        Ok(Solution { fields, residual, rank: self.inverse.rank(self.rows.len()) })
+        Ok(Solution { fields, residual, rank: self.prepared.inverse.rank(self.rows.len()) })
     }
 
     /// Adds the solution for `load` and `missing` to nodes and forces.
@@ -191,22 +250,41 @@ impl<'a, T: Number> Constrained<'a, T> {
     ) -> Result<(), Error> {
         let mut right = missing.clone();
         if let Some(mut load) = load {
-            self.factor.solve(&mut load)?;
+            self.factor.solve(load.as_mut())?;
             right -= self.at_rows(&load);
             *fields += &load;
         }
-        let motion = self.corner.solve(self.solved.adjoint() * &right);
-        let force = self.inverse.times(&(right - &self.border * &motion));
-        let mut step = Mat::zeros(fields.nrows(), fields.ncols());
-        self.add_forces(&force, &mut step);
-        self.factor.solve(&mut step)?;
-        *fields += &step;
+        let motion = self.prepared.corner.solve(self.prepared.solved.adjoint() * &right);
+        let force = self.prepared.inverse.times(&(right - &self.prepared.border * &motion));
+        self.add_responses(&force, fields)?;
         *forces += &force;
         for column in 0..fields.ncols() {
             for (which, kernel) in self.kernel.iter().enumerate() {
                 let by = motion[(which, column)];
                 fields.col_as_slice_mut(column).iter_mut().enumerate().for_each(|(node, d)| *d += kernel(node) * by);
             }
+        }
+        Ok(())
+    }
+
+    /// Adds K C^* f to the nodes.
+    fn add_responses(&self, forces: &Mat<T>, fields: &mut Mat<T>) -> Result<(), Error> {
+        let Some(responses) = &self.prepared.responses else {
+            let mut step = Mat::zeros(fields.nrows(), fields.ncols());
+            self.add_forces(forces, &mut step);
+            self.factor.solve(step.as_mut())?;
+            *fields += &step;
+            return Ok(());
+        };
+        for column in 0..fields.ncols() {
+            let parts = fields.col_as_slice_mut(column).par_chunks_mut(PART).enumerate();
+            parts.for_each(|(index, sums)| {
+                for number in 0..forces.nrows() {
+                    let (force, nodes) = (forces[(number, column)], index * PART..index * PART + sums.len());
+                    let response = &responses.col_as_slice(number)[nodes];
+                    sums.iter_mut().zip(response).for_each(|(sum, &by)| *sum += by * force);
+                }
+            });
         }
         Ok(())
     }

@@ -2,8 +2,8 @@
 //!
 //! The interactive mode of Gal, Sorkine and Cohen-Or, "Feature-aware texturing", 2006, section 3. Positions are complex
 //! numbers z = x + i y, so a similarity of the plane is linear, z -> a z + b, and how far a cell is from one is a
-//! Hermitian form of its corners. [`factor`] once per lattice, then [`solve`] for any handles: these are added by a
-//! bordered system, not by factoring again.
+//! Hermitian form of its corners. [`factor`] once per lattice, [`hold`] once per set of handles, whatever their targets:
+//! these are added by a bordered system, not by factoring again. Then [`solve`] for any targets.
 //!
 //! What is solved for is the displacement from rest, so handles that stay where they are leave the lattice as it is.
 
@@ -22,7 +22,7 @@ use crate::lattice::{Lattice, Positions};
 use crate::room::Room;
 use crate::{Interrupted, Watch};
 use cholesky::Factor;
-use constrained::{Constrained, Solution};
+use constrained::{Constrained, Prepared, Solution};
 use energy::{Number, corners, dirichlet, similarity, square};
 use faer::sparse::FaerError;
 use faer::{Mat, c64};
@@ -122,6 +122,17 @@ pub struct HandleFactor {
     rigid: Factor<f64>,
 }
 
+/// Handles prepared for a lattice, wherever they are dragged to.
+#[derive(Debug)]
+pub struct Held {
+    from: Vec<[f64; 2]>,
+    mode: Mode,
+    /// None if fewer than two places are held: then there is nothing to solve.
+    similar: Option<Prepared<c64>>,
+    /// Of [`Mode::Rigid`].
+    rigid: Option<Prepared<f64>>,
+}
+
 /// A warp that follows handles.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HandleWarp {
@@ -177,6 +188,51 @@ impl HandleFactor {
     }
 }
 
+/// Of a factor's bytes the responses of the nodes to each handle may take one in so many to be kept; with more they are
+/// solved for at each drag.
+const RESPONSES: usize = 2;
+
+/// Prepares handles, whatever their targets: what a drag need not do again.
+///
+/// `S = C K C^*` is factored, K the inverse of the lattice's matrix and `C z = c` the handles' equations, and of few
+/// handles the columns of `K C^*` are kept: then a drag is a sum of these.
+///
+/// * `handles`: see [`along`] and [`side`] for curves; the targets are looked at for errors alone.
+/// * `mode`: what cells are to keep.
+/// * `watch`: called between the phases. Asked for all memory.
+///
+/// k handles on N nodes cost O(k N^0.5 log N + k^2 N^0.5 + k^3) and a dense matrix of k x k, and a solve for each of few.
+pub fn hold(factor: &HandleFactor, handles: &[Handle], mode: Mode, watch: Watch) -> Result<Held, Error> {
+    let rows = rows(&factor.lattice, handles)?;
+    let mut held = Held { from: handles.iter().map(|handle| handle.from).collect(), mode, similar: None, rigid: None };
+    if rows.len() < 2 {
+        return Ok(held);
+    }
+    let mut room = Room::new(watch);
+    let most = factor.similarity.bytes() / RESPONSES;
+    let similar = Prepared::new(&factor.similarity, &rows, &similar_kernel(factor, &rows), most, 0, &mut room, watch)?;
+    if mode == Mode::Rigid {
+        let (most, before) = (factor.rigid.bytes() / RESPONSES, similar.bytes());
+        held.rigid = Some(Prepared::new(&factor.rigid, &rows, &rigid_kernel(), most, before, &mut room, watch)?);
+    }
+    held.similar = Some(similar);
+    Ok(held)
+}
+
+impl Held {
+    /// Whether it was made for handles at the same places, in the same order and mode.
+    pub fn holds(&self, handles: &[Handle], mode: Mode) -> bool {
+        self.mode == mode && self.from.iter().eq(handles.iter().map(|handle| &handle.from))
+    }
+
+    /// Bytes held, approximately.
+    pub fn bytes(&self) -> usize {
+        let prepared =
+            self.similar.as_ref().map_or(0, Prepared::bytes) + self.rigid.as_ref().map_or(0, Prepared::bytes);
+        prepared + self.from.len() * size_of::<[f64; 2]>()
+    }
+}
+
 /// The warp that takes handles to their targets and changes the lattice least.
 ///
 /// `Similarity` minimises `sum over cells of |(I - G G^+) z_Q|^2` under `sum of n_k z_k = c` for every handle, n the
@@ -184,7 +240,8 @@ impl HandleFactor {
 /// cell Q best, and `sum over cells and their edges e = (p, q) of c_e |z_q - z_p - R_Q (v_q - v_p)|^2` is minimised
 /// under the same constraints, c = hy / hx along x and hx / hy along y.
 ///
-/// * `handles`: see [`along`] and [`side`] for curves.
+/// * `held`: what [`hold`] made of handles at the same places (asserted). The bits do not depend on when.
+/// * `handles`: the places and their targets.
 /// * `watch`: called between the phases. Asked for scratch.
 ///
 /// Without handles the lattice stays at rest, one handle moves it as a whole, two give exactly the similarity through
@@ -192,24 +249,22 @@ impl HandleFactor {
 /// with one target count once; with two they are refused. Handles that depend on each other, three in a row in one
 /// cell for instance, are met as well as they can be in the least squares sense.
 ///
-/// One solve with each factor that is used, two with that of `Rigid`, and refinements while the relative residual is
-/// above 1e-12. k handles on N nodes cost O(k N^0.5 log N + k^2 N^0.5 + k^3) beside that, for a dense matrix of k x k:
-/// little up to some hundred.
-pub fn solve(factor: &HandleFactor, handles: &[Handle], mode: Mode, watch: Watch) -> Result<HandleWarp, Error> {
+/// k handles on N nodes cost O(k N) if `held` keeps their responses, else a solve, O(N log N + k^2); `Rigid` twice that
+/// and one more solve. Refined while the relative residual is above 1e-12.
+pub fn solve(factor: &HandleFactor, held: &Held, handles: &[Handle], watch: Watch) -> Result<HandleWarp, Error> {
     let lattice = &factor.lattice;
     let rows = rows(lattice, handles)?;
+    assert!(held.holds(handles, held.mode), "the handles are held at other places");
     let (field, mut room) = (lattice.node_count() * size_of::<c64>(), Room::new(watch));
     // At the end the displacement and the positions.
     room.phase(2 * field)?;
     let (mut residual, mut rank) = (0.0, rows.len());
-    let moved = match rows[..] {
-        [] => Mat::zeros(lattice.node_count(), 1),
-        [Row { by: [x, y], .. }] => Mat::from_fn(lattice.node_count(), 1, |_, _| c64::new(x, y)),
-        _ => {
-            let mut solution = similar(factor, &rows, &mut room, watch)?;
-            if mode == Mode::Rigid {
+    let moved = match (&rows[..], &held.similar) {
+        (rows, Some(prepared)) => {
+            let mut solution = similar(factor, rows, prepared, &mut room, watch)?;
+            if let Some(prepared) = &held.rigid {
                 watch.progress(0.5)?;
-                let rigid = made_rigid(factor, &rows, &solution.fields, &mut room, watch)?;
+                let rigid = made_rigid(factor, rows, prepared, &solution.fields, &mut room, watch)?;
                 (solution.residual, solution.rank) = (solution.residual.max(rigid.residual), rigid.rank);
                 let step = |node| c64::new(rigid.fields[(node, 0)], rigid.fields[(node, 1)]);
                 let fields = solution.fields.col_as_slice_mut(0);
@@ -218,6 +273,8 @@ pub fn solve(factor: &HandleFactor, handles: &[Handle], mode: Mode, watch: Watch
             (residual, rank) = (solution.residual, solution.rank);
             solution.fields
         }
+        ([Row { by: [x, y], .. }], None) => Mat::from_fn(lattice.node_count(), 1, |_, _| c64::new(*x, *y)),
+        (_, None) => Mat::zeros(lattice.node_count(), 1),
     };
     let moved = moved.col_as_slice(0);
     let positions = displaced(lattice, moved);
@@ -232,21 +289,41 @@ pub fn solve(factor: &HandleFactor, handles: &[Handle], mode: Mode, watch: Watch
     Ok(HandleWarp { positions, residual, constraints: rows.len(), rank, largest_miss })
 }
 
-/// The displacement as similar as possible.
-fn similar(factor: &HandleFactor, rows: &[Row], room: &mut Room, watch: Watch) -> Result<Solution<c64>, Error> {
-    let moves = Mat::from_fn(rows.len(), 1, |row, _| c64::new(rows[row].by[0], rows[row].by[1]));
-    let (centre, size) = spread(rows);
-    let rest = |node: usize| {
-        let [x, y] = factor.lattice.rest(node % factor.lattice.nodes[0], node / factor.lattice.nodes[0]);
+/// What the similarity's energy does not see: 1, and the place relative to the handles.
+fn similar_kernel(factor: &HandleFactor, rows: &[Row]) -> [Box<dyn Fn(usize) -> c64 + Sync>; 2] {
+    let ((centre, size), lattice) = (spread(rows), factor.lattice);
+    let rest = move |node: usize| {
+        let [x, y] = lattice.rest(node % lattice.nodes[0], node / lattice.nodes[0]);
         (c64::new(x, y) - centre) / size
     };
-    Constrained::new(&factor.similarity, rows, &[&|_| c64::ONE, &rest], 0, room, watch)?.solve(None, &moves, 0.0, watch)
+    [Box::new(|_| c64::ONE), Box::new(rest)]
+}
+
+/// What Dirichlet's energy does not see.
+fn rigid_kernel() -> [Box<dyn Fn(usize) -> f64 + Sync>; 1] {
+    [Box::new(|_| 1.0)]
+}
+
+/// The displacement as similar as possible.
+fn similar(
+    factor: &HandleFactor,
+    rows: &[Row],
+    prepared: &Prepared<c64>,
+    room: &mut Room,
+    watch: Watch,
+) -> Result<Solution<c64>, Error> {
+    let moves = Mat::from_fn(rows.len(), 1, |row, _| c64::new(rows[row].by[0], rows[row].by[1]));
+    let kernel = similar_kernel(factor, rows);
+    let constrained = Constrained { factor: &factor.similarity, rows, kernel: &kernel, prepared };
+    room.phase(constrained.bytes())?;
+    constrained.solve(None, &moves, 0.0, watch)
 }
 
 /// What is to be added to a displacement so that cells keep their size: they turn as they did.
 fn made_rigid(
     factor: &HandleFactor,
     rows: &[Row],
+    prepared: &Prepared<f64>,
     moved: &Mat<c64>,
     room: &mut Room,
     watch: Watch,
@@ -265,13 +342,15 @@ fn made_rigid(
     };
     // The displacement and the loads.
     let before = 2 * n * size_of::<c64>();
-    room.phase(before)?;
+    let kernel = rigid_kernel();
+    let constrained = Constrained { factor: &factor.rigid, rows, kernel: &kernel, prepared };
+    room.phase(before + constrained.bytes())?;
     let mut loads = Mat::zeros(n, 2);
     let energy = &factor.rigid.energy;
     energy.add_gradients(loads.col_as_slice_mut(0), |nodes| asked(nodes).map(|step: c64| step.re));
     energy.add_gradients(loads.col_as_slice_mut(1), |nodes| asked(nodes).map(|step: c64| step.im));
     let (held, furthest) = (Mat::zeros(rows.len(), 2), moved.iter().map(|d| d.modulus()).fold(0.0, f64::max));
-    Constrained::new(&factor.rigid, rows, &[&|_| 1.0], before, room, watch)?.solve(Some(&loads), &held, furthest, watch)
+    constrained.solve(Some(&loads), &held, furthest, watch)
 }
 
 /// Middle of the handles, and their mean distance from it.

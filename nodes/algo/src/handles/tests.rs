@@ -20,8 +20,12 @@ fn prepared(lattice: &Lattice) -> HandleFactor {
     factor(lattice, UNWATCHED).expect("factored")
 }
 
+fn dragged(factor: &HandleFactor, handles: &[Handle], mode: Mode) -> Result<HandleWarp, Error> {
+    solve(factor, &hold(factor, handles, mode, UNWATCHED)?, handles, UNWATCHED)
+}
+
 fn solved(factor: &HandleFactor, handles: &[Handle], mode: Mode) -> HandleWarp {
-    solve(factor, handles, mode, UNWATCHED).expect("solved")
+    dragged(factor, handles, mode).expect("solved")
 }
 
 /// A point by shares of the lattice's size.
@@ -63,9 +67,9 @@ fn assert_near(lattice: &Lattice, positions: &Positions, tolerance: f64, expecte
 fn a_wrong_factor_gives_no_warp() {
     let mut factor = prepared(&SQUARE);
     let handles = scattered(&SQUARE, 5, 0.4, 2);
-    assert!(solve(&factor, &handles, Mode::Rigid, UNWATCHED).is_ok());
+    assert!(dragged(&factor, &handles, Mode::Rigid).is_ok());
     factor.rigid.values.iter_mut().step_by(7).for_each(|value| *value *= 3.0);
-    let solved = solve(&factor, &handles, Mode::Rigid, UNWATCHED);
+    let solved = dragged(&factor, &handles, Mode::Rigid);
     assert!(matches!(solved, Err(Error::Inaccurate { .. })), "{solved:?}");
 }
 
@@ -296,7 +300,7 @@ fn one_place_has_one_target() {
     let twice = solved(&factor, &handles, Mode::Similarity);
     assert_eq!(once, twice);
     handles[4].to[0] += 0.01;
-    let refused = solve(&factor, &handles, Mode::Similarity, UNWATCHED);
+    let refused = dragged(&factor, &handles, Mode::Similarity);
     assert_eq!(refused, Err(Error::Contradiction { first: 1, second: 4 }));
 }
 
@@ -305,7 +309,7 @@ fn bad_handles_are_told() {
     let factor = prepared(&SQUARE);
     let fail = |handle: Handle| {
         let handles = [Handle { from: inside(&SQUARE, [0.2, 0.2]), to: [0.0; 2] }, handle];
-        solve(&factor, &handles, Mode::Rigid, UNWATCHED).expect_err("refused")
+        dragged(&factor, &handles, Mode::Rigid).expect_err("refused")
     };
     let [width, height] = inside(&SQUARE, [1.0, 1.0]);
     for from in [[width + 1e-3, 0.0], [0.0, height + 1e-3], [2.9, 0.0], [f64::NAN, 0.0], [0.0, f64::INFINITY]] {
@@ -316,9 +320,13 @@ fn bad_handles_are_told() {
     let apart = [[-1.0, 0.2], [1.0, 0.8]]
         .map(|[sign, at]| Handle { from: inside(&SQUARE, [at, at]), to: [sign * f64::MAX; 2] });
     for mode in MODES {
-        assert_eq!(solve(&factor, &apart, mode, UNWATCHED), Err(Error::Overflow));
+        assert_eq!(dragged(&factor, &apart, mode), Err(Error::Overflow));
     }
-    let stopped = solve(&factor, &scattered(&SQUARE, 3, 0.1, 1), Mode::Similarity, &|_| Err(Interrupted));
+    let handles = scattered(&SQUARE, 3, 0.1, 1);
+    let stopped = hold(&factor, &handles, Mode::Similarity, &|_| Err(Interrupted));
+    assert!(matches!(stopped, Err(Error::Interrupted)), "{stopped:?}");
+    let held = hold(&factor, &handles, Mode::Similarity, UNWATCHED).expect("held");
+    let stopped = solve(&factor, &held, &handles, &|_| Err(Interrupted));
     assert_eq!(stopped, Err(Error::Interrupted));
     assert_eq!(super::factor(&SQUARE, &|_| Err(Interrupted)).expect_err("stopped"), Error::Interrupted);
 }
@@ -377,7 +385,7 @@ fn compliance_is_what_whole_solves_give() {
     for (number, row) in rows.iter().enumerate() {
         row.pulls().for_each(|(node, weight)| fields[(node, number)] += c64::new(weight, 0.0));
     }
-    factor.similarity.solve(&mut fields).expect("solved");
+    factor.similarity.solve(fields.as_mut()).expect("solved");
     let compliance =
         factor.similarity.compliance(&rows, 0, &mut Room::new(UNWATCHED), UNWATCHED).expect("nobody stops it");
     for (j, (i, row)) in (0..rows.len()).flat_map(|j| rows.iter().enumerate().map(move |row| (j, row))) {
@@ -387,6 +395,30 @@ fn compliance_is_what_whole_solves_give() {
             "{i}, {j}: {whole} {}",
             compliance[(i, j)]
         );
+    }
+}
+
+/// Kept responses and solves give one warp, and what is held does not know its targets.
+#[test]
+fn what_is_held_serves_all_targets() {
+    let (factor, places) = (prepared(&SQUARE), scattered(&SQUARE, 6, 0.0, 5));
+    for mode in MODES {
+        let held = hold(&factor, &places, mode, UNWATCHED).expect("held");
+        for seed in 1..4 {
+            let mut number = noise(seed);
+            let handles: Vec<Handle> =
+                places.iter().map(|h| Handle { to: h.from.map(|at| at + 8.0 * number()), ..*h }).collect();
+            let warp = solve(&factor, &held, &handles, UNWATCHED).expect("solved");
+            assert_eq!(warp, solved(&factor, &handles, mode));
+            let mut bare = hold(&factor, &handles, mode, UNWATCHED).expect("held");
+            bare.similar.as_mut().expect("six handles").forget_responses();
+            bare.rigid.as_mut().into_iter().for_each(Prepared::forget_responses);
+            assert!(bare.bytes() < held.bytes());
+            let whole = solve(&factor, &bare, &handles, UNWATCHED).expect("solved");
+            assert_near(&SQUARE, &warp.positions, 1e-10, |node| at(&whole.positions, node));
+        }
+        assert!(held.holds(&places, mode) && !held.holds(&places[1..], mode));
+        assert!(MODES.iter().filter(|&&mode| held.holds(&places, mode)).count() == 1);
     }
 }
 

@@ -21,6 +21,7 @@ mod wave;
 pub use affine::{Affine, affine, stretch};
 pub use arc::arc;
 pub use bend::{Bend, Orientation, Shape, bend};
+pub(crate) use certify::least_cross_products;
 pub use certify::{Certificate, certify};
 pub use compose::{Composed, blend, compose};
 pub use envelope::{Envelope, envelope};

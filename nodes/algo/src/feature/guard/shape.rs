@@ -2,6 +2,8 @@
 
 use super::Freedom;
 use crate::lattice::{Lattice, Positions};
+use crate::warp::least_cross_products;
+use rayon::prelude::*;
 use robust::{Coord, orient2d};
 
 /// One number per node for x and for y.
@@ -62,8 +64,22 @@ impl Shape {
 
     /// The same, of exact sign.
     pub(super) fn least_exactly(&self, x: &Positions) -> f64 {
-        let exact = |(_, corner): (usize, Corner)| exact_cross(x, corner) / self.area;
-        self.movable().map(exact).fold(f64::INFINITY, lesser)
+        let columns = self.nodes[0] - 1;
+        let of_row = |least: &mut Vec<f64>, row: usize| {
+            least.resize(columns, 0.0);
+            least_cross_products(self.nodes, x, row, least);
+            let of_cell = |(column, &least): (usize, &f64)| {
+                let around = around(self.nodes[0], row * columns + column);
+                if !around.into_iter().any(|node| self.pinned[node]) {
+                    return least;
+                }
+                let movable = corners_of(around).filter(|&corner| !self.is_fixed(corner));
+                movable.map(|corner| exact_cross(x, corner)).fold(f64::INFINITY, lesser)
+            };
+            least.iter().enumerate().map(of_cell).fold(f64::INFINITY, lesser)
+        };
+        let rows: Vec<f64> = (0..self.nodes[1] - 1).into_par_iter().map_init(Vec::new, of_row).collect();
+        rows.into_iter().fold(f64::INFINITY, lesser) / self.area
     }
 
     /// The Jacobian of a corner of `x + t step`.
@@ -152,11 +168,18 @@ impl Quadratic {
 
 /// Every corner and its number.
 fn corners([columns, rows]: [usize; 2]) -> impl Iterator<Item = (usize, Corner)> {
-    (0..(columns - 1) * (rows - 1)).flat_map(move |cell| {
-        let first = cell + cell / (columns - 1);
-        let around = [first, first + 1, first + columns + 1, first + columns];
-        (0..4).map(move |i| (4 * cell + i, [around[i], around[(i + 1) % 4], around[(i + 3) % 4]]))
-    })
+    (0..(columns - 1) * (rows - 1)).flat_map(move |cell| (4 * cell..).zip(corners_of(around(columns, cell))))
+}
+
+/// The nodes of a cell, clockwise on screen.
+fn around(columns: usize, cell: usize) -> [usize; 4] {
+    let first = cell + cell / (columns - 1);
+    [first, first + 1, first + columns + 1, first + columns]
+}
+
+/// The corners of the cell with these nodes.
+fn corners_of(around: [usize; 4]) -> impl Iterator<Item = Corner> {
+    (0..4).map(move |i| [around[i], around[(i + 1) % 4], around[(i + 3) % 4]])
 }
 
 /// Positions as single precision keeps them.
