@@ -16,15 +16,18 @@
 //! With the other edges it reaches 64 times the width plus height of the rectangle around the destination
 //! window and the lattice's border nodes: all of the destination, where the map does not shrink more than that.
 
+mod axes;
 mod block;
 mod bounds;
 mod cell;
 mod ellipse;
+mod ellipses;
 mod ewa;
 mod filter;
 mod filtered;
 mod forward;
 mod jacobian;
+mod lanes;
 mod locate;
 mod net;
 mod pixels;
@@ -149,7 +152,7 @@ pub fn draw(
     if filter == Filter::Ewa {
         let ewa = Ewa::new(map, source, dst_window, clamp, planes, watch)?;
         let fill =
-            |blocks: &mut Blocks, at: &Located, left: usize, out: &mut [ViewMut<f32>]| ewa.fill(at, left, blocks, out);
+            |room: &mut ewa::Scratch, at: &Located, left: usize, out: &mut [ViewMut<f32>]| ewa.fill(at, left, room, out);
         return draw_bands(map, &source, dst_window, ewa.reach(), out, watch, fill);
     }
     let fill = |blocks: &mut Blocks, at: &Located, left: usize, out: &mut [ViewMut<f32>]| match filter {

@@ -1,0 +1,214 @@
+//! The values of a block of pixels from copies of the ellipses' part of the source, or of a level of it, with a pixel's
+//! channels side by side: they hold what lies beyond the edges, and a large picture's rows do not push each other out of
+//! the cache.
+
+use super::axes::Shapes;
+use super::block::{BLOCK_WIDTH, Block, Part, Pixels, Samples};
+use super::ellipse::{Ellipse, Spot};
+use super::ewa::{Ewa, mixed};
+use super::lanes::{LANES, Lanes};
+use super::locate::Located;
+
+/// Planes that are weighed together.
+pub(super) const TOGETHER: usize = 4;
+/// Rows of a block.
+pub(super) const ROWS: usize = 32;
+/// Pixels of a copy: a mebibyte.
+const MOST: usize = 1 << 16;
+/// Up to how often a copy may hold more than the ellipses do.
+const SPREAD: usize = 2;
+/// In place of a count of rows: another level's pixel.
+const ELSEWHERE: i32 = -1;
+
+/// The values of a row of a block.
+pub(super) type Values = [[f32; TOGETHER]; BLOCK_WIDTH];
+
+/// Draws blocks of pixels.
+#[derive(Default)]
+pub(super) struct Ellipses {
+    /// Row by row; NaN where an ellipse must be drawn alone.
+    pub values: Vec<Values>,
+    lines: Vec<Line>,
+    block: Block<TOGETHER>,
+}
+
+impl Ellipses {
+    /// Draws a block of the planes from number `first` on.
+    #[inline(always)]
+    pub fn draw<L: Lanes>(
+        &mut self,
+        lanes: L,
+        ewa: &Ewa,
+        at: &Located,
+        shapes: &Shapes,
+        pixels: &Pixels,
+        first: usize,
+    ) {
+        let count = pixels.rows.len();
+        self.values.resize(ROWS, [[f32::NAN; TOGETHER]; BLOCK_WIDTH]);
+        self.values.iter_mut().for_each(|values| values.as_flattened_mut().fill(f32::NAN));
+        self.lines.resize(ROWS, Line::EMPTY);
+        if ewa.clamps() {
+            return;
+        }
+        let used = shapes.used(at.width, pixels);
+        for level in (0..u32::BITS as usize).filter(|level| used >> level & 1 == 1) {
+            for (row, line) in pixels.rows.clone().zip(&mut self.lines) {
+                let first = row * at.width;
+                line.fill(ewa, at, shapes, first + pixels.columns.start..first + pixels.columns.end, level);
+            }
+            let mut row = 0;
+            while row < count {
+                let (rows, part) = part_of(&self.lines[row..count]);
+                self.rows(lanes, ewa, row..row + rows, part, level, first);
+                row += rows;
+            }
+        }
+    }
+
+    /// Draws rows of the block from a part of a level.
+    #[inline(always)]
+    fn rows<L: Lanes>(
+        &mut self,
+        lanes: L,
+        ewa: &Ewa,
+        rows: std::ops::Range<usize>,
+        part: Option<Part>,
+        level: usize,
+        first: usize,
+    ) {
+        let samples = part.map(|part| {
+            // Where there are fewer, the last one fills up.
+            let last = ewa.plane_count() - 1;
+            let planes = std::array::from_fn(|i| ewa.level(level, last.min(first + i)).0);
+            self.block.load(ewa.level(level, 0).1, planes, part)
+        });
+        for (line, values) in self.lines[rows.clone()].iter().zip(&mut self.values[rows]) {
+            line.draw(lanes, samples.as_ref(), values);
+        }
+    }
+}
+
+/// As many of the rows, from the first on, as one part of the level serves; none if that would be too large, or there is
+/// nothing to draw.
+fn part_of(lines: &[Line]) -> (usize, Option<Part>) {
+    let mut count = lines.len();
+    loop {
+        let lines = &lines[..count];
+        let low = [0, 1].map(|axis| lines.iter().map(|line| line.low[axis]).min().unwrap_or(0));
+        let high = [0, 1].map(|axis| lines.iter().map(|line| line.high[axis]).max().unwrap_or(0));
+        let held: usize = lines.iter().map(|line| line.held).sum();
+        if held == 0 {
+            return (count, None);
+        }
+        let size = [0, 1].map(|axis| (i64::from(high[axis]) - i64::from(low[axis])) as usize);
+        if size[0].saturating_mul(size[1]) <= MOST.min(SPREAD * held) {
+            return (count, Some(Part { corner: low, size }));
+        }
+        if count == 1 {
+            return (count, None);
+        }
+        count /= 2;
+    }
+}
+
+/// The ellipses of a row of pixels in a level.
+#[derive(Clone)]
+struct Line {
+    count: usize,
+    along: [f32; BLOCK_WIDTH],
+    slope: [f32; BLOCK_WIDTH],
+    down: [f32; BLOCK_WIDTH],
+    dip: [f32; BLOCK_WIDTH],
+    /// The first sample of each: from the centre, and its column and row.
+    from: [[f32; BLOCK_WIDTH]; 2],
+    first: [[i32; BLOCK_WIDTH]; 2],
+    /// Rows of samples; 0 if it is wide.
+    rows: [i32; BLOCK_WIDTH],
+    /// The level's share of the value; the one before has the rest.
+    part: [f32; BLOCK_WIDTH],
+    /// What all of them hold.
+    low: [i32; 2],
+    high: [i32; 2],
+    /// Samples of all ellipses.
+    held: usize,
+}
+
+impl Line {
+    const EMPTY: Self = Self {
+        count: 0,
+        along: [0.0; BLOCK_WIDTH],
+        slope: [0.0; BLOCK_WIDTH],
+        down: [0.0; BLOCK_WIDTH],
+        dip: [0.0; BLOCK_WIDTH],
+        from: [[0.0; BLOCK_WIDTH]; 2],
+        first: [[0; BLOCK_WIDTH]; 2],
+        rows: [ELSEWHERE; BLOCK_WIDTH],
+        part: [1.0; BLOCK_WIDTH],
+        low: [i32::MAX; 2],
+        high: [i32::MIN; 2],
+        held: 0,
+    };
+
+    /// The ellipses of a range of a tile's pixels.
+    #[inline(always)]
+    fn fill(&mut self, ewa: &Ewa, at: &Located, shapes: &Shapes, pixels: std::ops::Range<usize>, level: usize) {
+        self.count = pixels.len();
+        let [scale, grown] = ewa.level(level, 0).2;
+        let (xs, ys) = (&at.x[pixels.clone()], &at.y[pixels.clone()]);
+        let [levels, before] = shapes.levels.each_ref().map(|levels| &levels[pixels.clone()]);
+        let parts = &shapes.part[pixels.clone()];
+        let (mut low, mut high, mut held) = ([i32::MAX; 2], [i32::MIN; 2], 0);
+        for i in 0..pixels.len() {
+            let ellipse = Ellipse::new(&shapes.axes(pixels.start + i), level, grown);
+            let at = ewa.place([xs[i], ys[i]]);
+            let [x, y] = [at[0] * scale[0] - 0.5, at[1] * scale[1] - 0.5];
+            let [left, top] = [(x - ellipse.reach[0]).ceil(), (y - ellipse.reach[1]).ceil()];
+            let spot = ellipse.spot(left - x, top - y);
+            (self.along[i], self.slope[i], self.down[i], self.dip[i]) = (spot.along, spot.slope, spot.down, spot.dip);
+            (self.from[0][i], self.from[1][i]) = (spot.x, spot.y);
+            let here = (levels[i] == level as i32) | (before[i] == level as i32);
+            let drawn = here & !xs[i].is_nan();
+            let rows = if ellipse.is_narrow() { (2.0 * ellipse.reach[1]) as i32 + 1 } else { 0 };
+            let rows = if drawn { rows } else { ELSEWHERE };
+            let (column, row) = (left as i32, top as i32);
+            (self.first[0][i], self.first[1][i], self.rows[i]) = (column, row, rows);
+            self.part[i] = if levels[i] == level as i32 { parts[i] } else { 1.0 };
+            let counts = rows > 0;
+            low[0] = low[0].min(if counts { column } else { i32::MAX });
+            low[1] = low[1].min(if counts { row } else { i32::MAX });
+            high[0] = high[0].max(if counts { column.saturating_add(LANES as i32) } else { i32::MIN });
+            high[1] = high[1].max(if counts { row.saturating_add(rows) } else { i32::MIN });
+            held += if counts { rows } else { 0 };
+        }
+        (self.low, self.high, self.held) = (low, high, held as usize * LANES);
+    }
+
+    /// Draws them, or says that they must be drawn alone.
+    #[inline(always)]
+    fn draw<L: Lanes>(&self, lanes: L, samples: Option<&Samples<TOGETHER>>, values: &mut Values) {
+        for i in 0..self.count {
+            if self.rows[i] == ELSEWHERE {
+                continue;
+            }
+            let (Some(samples), rows @ 1..) = (samples, self.rows[i]) else {
+                values[i] = [f32::NAN; TOGETHER];
+                continue;
+            };
+            let [column, row] = [0, 1].map(|axis| (self.first[axis][i] - samples.part.corner[axis]) as usize);
+            let spot = Spot {
+                along: self.along[i],
+                slope: self.slope[i],
+                down: self.down[i],
+                dip: self.dip[i],
+                x: self.from[0][i],
+                y: self.from[1][i],
+            };
+            let pixels = samples.from((row * samples.stride + column) as u32);
+            let means = spot.means(lanes, rows as usize, pixels, samples.stride);
+            let part = self.part[i];
+            let mix = |plane: usize| mixed(values[i][plane], means[plane], part);
+            values[i] = if part < 1.0 { std::array::from_fn(mix) } else { means };
+        }
+    }
+}
