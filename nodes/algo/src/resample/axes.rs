@@ -99,16 +99,27 @@ impl Shapes {
         Axes { squares: [self.squares[0][i], self.squares[1][i]], twice: [self.twice[0][i], self.twice[1][i]] }
     }
 
-    /// Sets the axes from pixel `first` on.
     #[inline(always)]
-    pub fn set(&mut self, first: usize, count: usize, axes: impl Fn(usize) -> Axes) {
-        let [major, minor] = self.squares.each_mut().map(|values| &mut values[first..first + count]);
-        let [cos, sin] = self.twice.each_mut().map(|values| &mut values[first..first + count]);
-        for i in 0..count {
-            let axes = axes(i);
-            (major[i], minor[i]) = (axes.squares[0], axes.squares[1]);
-            (cos[i], sin[i]) = (axes.twice[0], axes.twice[1]);
+    pub fn set(&mut self, i: usize, axes: Axes) {
+        for axis in 0..2 {
+            (self.squares[axis][i], self.twice[axis][i]) = (axes.squares[axis], axes.twice[axis]);
         }
+    }
+
+    /// Major and minor axes, cosines and sines of a range of pixels.
+    #[inline(always)]
+    pub fn rows(&self, pixels: Range<usize>) -> [&[f32]; 4] {
+        let [major, minor] = self.squares.each_ref().map(|values| &values[pixels.clone()]);
+        let [cos, sin] = self.twice.each_ref().map(|values| &values[pixels.clone()]);
+        [major, minor, cos, sin]
+    }
+
+    /// As [`Self::rows`], to be set.
+    #[inline(always)]
+    pub fn rows_mut(&mut self, pixels: Range<usize>) -> [&mut [f32]; 4] {
+        let [major, minor] = self.squares.each_mut().map(|values| &mut values[pixels.clone()]);
+        let [cos, sin] = self.twice.each_mut().map(|values| &mut values[pixels.clone()]);
+        [major, minor, cos, sin]
     }
 
     /// Whether nothing shrinks anywhere, and Cubic stands alone.

@@ -121,13 +121,17 @@ impl Spot {
             rows,
             #[inline(always)]
             |row, weights| {
-                for group in 0..2.min(rows - row) {
-                    let samples = pixels[(row + group) * stride..].first_chunk().expect("the block holds the rows");
-                    let samples: &[[f32; 4]; LANES] = samples;
-                    for (half, samples) in samples.as_flattened().as_chunks().0.iter().enumerate() {
-                        let spread = lanes.spread(weights, group, half == 1);
-                        sums[half] = lanes.add(sums[half], lanes.mul(spread, lanes.load(samples)));
+                let mut add = |row: usize, spread: [L::Two; 2]| {
+                    let samples: &[[f32; 4]; LANES] =
+                        pixels[row * stride..].first_chunk().expect("the block holds the rows");
+                    let samples = samples.as_flattened().as_chunks().0;
+                    for half in 0..2 {
+                        sums[half] = lanes.add(sums[half], lanes.mul(spread[half], lanes.load(&samples[half])));
                     }
+                };
+                add(row, [lanes.spread::<0>(weights), lanes.spread::<1>(weights)]);
+                if row + 1 < rows {
+                    add(row + 1, [lanes.spread::<2>(weights), lanes.spread::<3>(weights)]);
                 }
             },
         );

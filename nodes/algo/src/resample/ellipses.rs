@@ -2,7 +2,7 @@
 //! channels side by side: they hold what lies beyond the edges, and a large picture's rows do not push each other out of
 //! the cache.
 
-use super::axes::Shapes;
+use super::axes::{Axes, Shapes};
 use super::block::{BLOCK_WIDTH, Block, Part, Pixels, Samples};
 use super::ellipse::{Ellipse, Spot};
 use super::ewa::{Ewa, mixed};
@@ -155,31 +155,37 @@ impl Line {
     fn fill(&mut self, ewa: &Ewa, at: &Located, shapes: &Shapes, pixels: std::ops::Range<usize>, level: usize) {
         self.count = pixels.len();
         let [scale, grown] = ewa.level(level, 0).2;
-        let (xs, ys) = (&at.x[pixels.clone()], &at.y[pixels.clone()]);
-        let [levels, before] = shapes.levels.each_ref().map(|levels| &levels[pixels.clone()]);
-        let parts = &shapes.part[pixels.clone()];
-        let (mut low, mut high, mut held) = ([i32::MAX; 2], [i32::MIN; 2], 0);
-        for i in 0..pixels.len() {
-            let ellipse = Ellipse::new(&shapes.axes(pixels.start + i), level, grown);
+        let [major, minor, cos, sin] = shapes.rows(pixels.clone()).map(padded);
+        let (xs, ys) = (padded(&at.x[pixels.clone()]), padded(&at.y[pixels.clone()]));
+        // Loops of fixed length compile to whole vectors.
+        for i in 0..BLOCK_WIDTH {
+            let axes = Axes { squares: [major[i], minor[i]], twice: [cos[i], sin[i]] };
+            let ellipse = Ellipse::new(&axes, level, grown);
             let at = ewa.place([xs[i], ys[i]]);
             let [x, y] = [at[0] * scale[0] - 0.5, at[1] * scale[1] - 0.5];
             let [left, top] = [(x - ellipse.reach[0]).ceil(), (y - ellipse.reach[1]).ceil()];
             let spot = ellipse.spot(left - x, top - y);
             (self.along[i], self.slope[i], self.down[i], self.dip[i]) = (spot.along, spot.slope, spot.down, spot.dip);
             (self.from[0][i], self.from[1][i]) = (spot.x, spot.y);
-            let here = (levels[i] == level as i32) | (before[i] == level as i32);
-            let drawn = here & !xs[i].is_nan();
-            let rows = if ellipse.is_narrow() { (2.0 * ellipse.reach[1]) as i32 + 1 } else { 0 };
-            let rows = if drawn { rows } else { ELSEWHERE };
-            let (column, row) = (left as i32, top as i32);
-            (self.first[0][i], self.first[1][i], self.rows[i]) = (column, row, rows);
-            self.part[i] = if levels[i] == level as i32 { parts[i] } else { 1.0 };
-            let counts = rows > 0;
-            low[0] = low[0].min(if counts { column } else { i32::MAX });
-            low[1] = low[1].min(if counts { row } else { i32::MAX });
-            high[0] = high[0].max(if counts { column.saturating_add(LANES as i32) } else { i32::MIN });
-            high[1] = high[1].max(if counts { row.saturating_add(rows) } else { i32::MIN });
-            held += if counts { rows } else { 0 };
+            (self.first[0][i], self.first[1][i]) = (left as i32, top as i32);
+            self.rows[i] = if ellipse.is_narrow() { (2.0 * ellipse.reach[1]) as i32 + 1 } else { 0 };
+        }
+        let [levels, before] = shapes.levels.each_ref().map(|levels| padded(&levels[pixels.clone()]));
+        let (parts, level) = (padded(&shapes.part[pixels.clone()]), level as i32);
+        for i in 0..BLOCK_WIDTH {
+            let here = (levels[i] == level) | (before[i] == level);
+            self.rows[i] = if here & (i < self.count) & !xs[i].is_nan() { self.rows[i] } else { ELSEWHERE };
+            self.part[i] = if levels[i] == level { parts[i] } else { 1.0 };
+        }
+        let ([left, top], rows) = (&self.first, &self.rows);
+        let (mut low, mut high, mut held) = ([i32::MAX; 2], [i32::MIN; 2], 0);
+        for i in 0..BLOCK_WIDTH {
+            let drawn = rows[i] > 0;
+            low[0] = low[0].min(if drawn { left[i] } else { i32::MAX });
+            low[1] = low[1].min(if drawn { top[i] } else { i32::MAX });
+            high[0] = high[0].max(if drawn { left[i] + LANES as i32 } else { i32::MIN });
+            high[1] = high[1].max(if drawn { top[i] + rows[i] } else { i32::MIN });
+            held += if drawn { rows[i] } else { 0 };
         }
         (self.low, self.high, self.held) = (low, high, held as usize * LANES);
     }
@@ -211,4 +217,12 @@ impl Line {
             values[i] = if part < 1.0 { std::array::from_fn(mix) } else { means };
         }
     }
+}
+
+/// Values as many as a row of a block has.
+#[inline(always)]
+fn padded<T: Copy + Default>(values: &[T]) -> [T; BLOCK_WIDTH] {
+    let mut all = [T::default(); BLOCK_WIDTH];
+    all[..values.len()].copy_from_slice(values);
+    all
 }

@@ -51,8 +51,7 @@ impl<'a> Jacobians<'a> {
         if self.is_forward {
             let mut last = None;
             for (i, (&x, &y)) in at.x.iter().zip(&at.y).enumerate() {
-                let axes = self.at_source([x, y], &mut last);
-                shapes.set(i, 1, |_| axes);
+                shapes.set(i, self.at_source([x, y], &mut last));
             }
             return;
         }
@@ -62,16 +61,7 @@ impl<'a> Jacobians<'a> {
             || {
                 for row in 0..at.height() {
                     lines.next(&self.net, at.corner[1] + row as i64);
-                    let Lines { middle: [sides_x, sides_y], above, below, .. } = &lines;
-                    shapes.set(
-                        row * at.width,
-                        at.width,
-                        #[inline(always)]
-                        |i| {
-                            let e = [sides_x[i + 1] - sides_x[i], sides_y[i + 1] - sides_y[i]];
-                            Axes::of([e, [below[0][i] - above[0][i], below[1][i] - above[1][i]]])
-                        },
-                    );
+                    lines.axes(shapes.rows_mut(row * at.width..(row + 1) * at.width));
                 }
             },
         );
@@ -152,9 +142,9 @@ impl<'a> Jacobians<'a> {
 
 /// Where a backward map sends the middles of the sides of a row's pixels: x, then y.
 struct Lines {
-    /// Places of the pixels' centres and of their left and right sides along x.
-    centers: Vec<Place>,
-    sides: Vec<Place>,
+    /// Of the pixels' centres and of their left and right sides along x.
+    centers: Columns,
+    sides: Columns,
     /// The first of the lattice's columns they need.
     first: usize,
     nodes: Vec<f64>,
@@ -176,6 +166,7 @@ impl Lines {
         let nodes = vec![0.0; needed().max().map_or(0, |last| last + 1 - first)];
         let line = |count: usize| [vec![0.0; count], vec![0.0; count]];
         let [middle, above, below] = [line(sides.len()), line(centers.len()), line(centers.len())];
+        let (centers, sides) = (Columns::new(&centers, first), Columns::new(&sides, first));
         let mut lines = Self { centers, sides, first, nodes, middle, above, below };
         lines.lower(net, top);
         lines
@@ -188,9 +179,25 @@ impl Lines {
         let place = net.center(1, y);
         for axis in 0..2 {
             row(net, axis, place, self.first, &mut self.nodes);
-            blend(&self.sides, &self.nodes, self.first, &mut self.middle[axis]);
+            self.sides.blend(&self.nodes, &mut self.middle[axis]);
         }
         self.lower(net, y + 1);
+    }
+
+    /// The axes of the row gone on to: of the differences between the middles of a pixel's sides.
+    #[inline(always)]
+    fn axes(&self, [major, minor, cos, sin]: [&mut [f32]; 4]) {
+        let count = major.len();
+        let [[x, y], [above_x, above_y], [below_x, below_y]] =
+            [&self.middle, &self.above, &self.below].map(|line| line.each_ref().map(|line| &line[..count]));
+        let [next_x, next_y] = self.middle.each_ref().map(|line| &line[1..count + 1]);
+        let (minor, cos, sin) = (&mut minor[..count], &mut cos[..count], &mut sin[..count]);
+        for i in 0..count {
+            let f = [below_x[i] - above_x[i], below_y[i] - above_y[i]];
+            let axes = Axes::of([[next_x[i] - x[i], next_y[i] - y[i]], f]);
+            (major[i], minor[i]) = (axes.squares[0], axes.squares[1]);
+            (cos[i], sin[i]) = (axes.twice[0], axes.twice[1]);
+        }
     }
 
     /// Sets `below` to the upper side of a row.
@@ -199,16 +206,41 @@ impl Lines {
         let place = net.place(1, y as f64);
         for axis in 0..2 {
             row(net, axis, place, self.first, &mut self.nodes);
-            blend(&self.centers, &self.nodes, self.first, &mut self.below[axis]);
+            self.centers.blend(&self.nodes, &mut self.below[axis]);
         }
     }
 }
 
-/// One coordinate at places along a line of nodes, those from `first` on.
-#[inline(always)]
-fn blend(places: &[Place], nodes: &[f64], first: usize, out: &mut [f64]) {
-    for (out, place) in out.iter_mut().zip(places) {
-        *out = place.blend(nodes[place.node - first], nodes[place.next - first]);
+/// Places along a line of nodes.
+struct Columns {
+    steps: Vec<f64>,
+    /// Where runs of places between the same two nodes end, and those nodes.
+    runs: Vec<(usize, [usize; 2])>,
+}
+
+impl Columns {
+    /// `first`: the first of the nodes.
+    fn new(places: &[Place], first: usize) -> Self {
+        let nodes = |place: &Place| [place.node - first, place.next - first];
+        let mut end = 0;
+        let runs = places.chunk_by(|a, b| nodes(a) == nodes(b)).map(|run| {
+            end += run.len();
+            (end, nodes(&run[0]))
+        });
+        Self { runs: runs.collect(), steps: places.iter().map(|place| place.t).collect() }
+    }
+
+    /// One coordinate at the places.
+    #[inline(always)]
+    fn blend(&self, nodes: &[f64], out: &mut [f64]) {
+        let mut start = 0;
+        for &(end, [node, next]) in &self.runs {
+            let (from, step) = (nodes[node], nodes[next] - nodes[node]);
+            for (out, t) in out[start..end].iter_mut().zip(&self.steps[start..end]) {
+                *out = from + t * step;
+            }
+            start = end;
+        }
     }
 }
 

@@ -26,8 +26,8 @@ pub(super) trait Lanes: Copy {
     fn mul(self, a: Self::Two, b: Self::Two) -> Self::Two;
     fn max(self, a: Self::Two, b: Self::Two) -> Self::Two;
 
-    /// Four lanes of a group four times each: of the first or second group the first or last four.
-    fn spread(self, two: Self::Two, group: usize, last: bool) -> Self::Two;
+    /// Four lanes four times each.
+    fn spread<const QUARTER: usize>(self, two: Self::Two) -> Self::Two;
 
     /// The sum of the four quarters: first and third, second and fourth, both.
     fn quarters(self, two: Self::Two) -> [f32; 4];
@@ -76,9 +76,8 @@ impl Lanes for Plain {
     }
 
     #[inline(always)]
-    fn spread(self, two: Self::Two, group: usize, last: bool) -> Self::Two {
-        let first = group * LANES + usize::from(last) * 4;
-        std::array::from_fn(|i| two[first + i / 4])
+    fn spread<const QUARTER: usize>(self, two: Self::Two) -> Self::Two {
+        std::array::from_fn(|i| two[4 * QUARTER + i / 4])
     }
 
     #[inline(always)]
@@ -127,9 +126,8 @@ impl Lanes for V4 {
     }
 
     #[inline(always)]
-    fn spread(self, two: Self::Two, group: usize, last: bool) -> Self::Two {
-        let first = (group * LANES + usize::from(last) * 4) as i32;
-        let lanes: [i32; TWICE] = std::array::from_fn(|i| first + i as i32 / 4);
+    fn spread<const QUARTER: usize>(self, two: Self::Two) -> Self::Two {
+        let lanes: [i32; TWICE] = const { spread_lanes(4 * QUARTER as i32) };
         cast(self.avx512f._mm512_permutexvar_ps(cast(lanes), cast(two)))
     }
 
@@ -140,6 +138,18 @@ impl Lanes for V4 {
         let sums: [[f32; 4]; 4] = cast(self.add(halves, cast(turned)));
         sums[0]
     }
+}
+
+/// Four lanes from `first` on, four times each.
+#[cfg(target_arch = "x86_64")]
+const fn spread_lanes(first: i32) -> [i32; TWICE] {
+    let mut lanes = [first; TWICE];
+    let mut i = 0;
+    while i < TWICE {
+        lanes[i] += i as i32 / 4;
+        i += 1;
+    }
+    lanes
 }
 
 /// Something done with a processor's lanes; all that is inlined into it is compiled for them.
