@@ -16,33 +16,34 @@ use std::ops::Range;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Ellipse {
     /// The square of the scaled distance is `along * (x - slope * y)^2 + down * y^2`.
-    pub along: f64,
-    pub slope: f64,
-    pub down: f64,
+    along: f32,
+    slope: f32,
+    down: f32,
     /// c of the module's text.
-    pub dip: f64,
+    dip: f32,
     /// Half the width and the height of its bounding box.
-    pub reach: [f64; 2],
+    reach: [f32; 2],
 }
 
 impl Ellipse {
     /// `grown`: how much smaller than 2^level px the level's pixels are. They are means of squares already, which the axes
     /// leave out.
     #[inline(always)]
-    pub fn new(axes: &Axes, level: usize, grown: [f64; 2]) -> Self {
-        let scale = 1.0 / (1_u64 << (2 * level)) as f64;
-        let [major, minor] = axes.squares.map(|square| (f64::from(square) * scale - (1.0 - scale)).max(1.0));
-        let [cos, sin] = axes.twice.map(f64::from);
+    pub fn new(axes: &Axes, level: usize, grown: [f32; 2]) -> Self {
+        let scale = 1.0 / (1_u64 << (2 * level)) as f32;
+        let [major, minor] = axes.squares.map(|square| (square * scale - (1.0 - scale)).max(1.0));
+        let [cos, sin] = axes.twice;
         let (mean, half) = (0.5 * (major + minor), 0.5 * (major - minor));
         let [xx, yy] = [(mean + half * cos) * (grown[0] * grown[0]), (mean - half * cos) * (grown[1] * grown[1])];
         let (xy, area) = (half * sin * (grown[0] * grown[1]), grown[0] * grown[1]);
         let radius = 5.0 / 6.0 + 2.0 / 3.0 / minor.sqrt();
         let square = radius * radius;
-        let per = 1.0 / (yy * square);
+        let per_yy = 1.0 / yy;
+        let down = per_yy / square;
         Self {
-            along: yy * yy * per / (major * minor * (area * area)),
-            slope: xy / yy,
-            down: per,
+            along: yy / (major * minor * (area * area) * square),
+            slope: xy * per_yy,
+            down,
             dip: (30.0 * square - 20.0) / (12.0 * square - 5.0),
             reach: [radius * xx.sqrt(), radius * yy.sqrt()],
         }
@@ -51,17 +52,29 @@ impl Ellipse {
     /// Whether it holds at most [`LANES`] samples of a row; one more at the very border has next to no weight.
     #[inline(always)]
     pub fn is_narrow(&self) -> bool {
-        2.0 * self.reach[0] < LANES as f64 + 1e-3
+        2.0 * self.reach[0] < LANES as f32 + 1e-3
+    }
+
+    /// Half the width and the height of its bounding box.
+    #[inline(always)]
+    pub fn reach(&self) -> Point {
+        self.reach.map(f64::from)
+    }
+
+    /// Rows that hold samples, the first at the top of its bounding box, if it is narrow.
+    #[inline(always)]
+    pub fn rows(&self) -> i32 {
+        (2.0 * self.reach[1]) as i32 + 1
     }
 
     /// Its weights around a sample that lies `x` and `y` from the centre.
     #[inline(always)]
     pub fn spot(&self, x: f64, y: f64) -> Spot {
         Spot {
-            along: self.along as f32,
-            slope: self.slope as f32,
-            down: self.down as f32,
-            dip: self.dip as f32,
+            along: self.along,
+            slope: self.slope,
+            down: self.down,
+            dip: self.dip,
             x: x as f32,
             y: y as f32,
         }
@@ -97,54 +110,62 @@ impl Spot {
         lanes.mul(lanes.mul(t, t), dip)
     }
 
-    /// The weights of two rows of [`LANES`] samples from the first on, as often as `each` is to be told of two rows.
-    /// Returns their sum.
+    /// Tells `each` the weights of two rows of [`LANES`] samples at a time, from the first on. Returns their sums.
     #[inline(always)]
-    fn narrow<L: Lanes>(&self, lanes: L, rows: usize, mut each: impl FnMut(usize, L::Two)) -> f32 {
+    fn narrow<L: Lanes>(&self, lanes: L, rows: usize, mut each: impl FnMut(usize, L::Two)) -> L::Two {
         let x = lanes.add(lanes.splat(self.x), lanes.load(&ACROSS));
         let y = lanes.add(lanes.splat(self.y), lanes.load(&DOWN));
-        let mut sum = lanes.splat(0.0);
+        let mut sums = lanes.splat(0.0);
         for row in (0..rows).step_by(2) {
             let weights = self.weigh(lanes, x, lanes.add(y, lanes.splat(row as f32)));
-            sum = lanes.add(sum, weights);
+            sums = lanes.add(sums, weights);
             each(row, weights);
         }
-        total(lanes, sum)
+        sums
     }
 
-    /// The weighted means of `rows` rows of [`LANES`] pixels, `stride` apart in `pixels`; not finite if some sample is not.
+    /// The weighted sums of `rows` rows of [`LANES`] pixels, `stride` apart in `pixels`, and those of the weights; to be
+    /// added up by [`means`].
     #[inline(always)]
-    pub fn means<L: Lanes>(&self, lanes: L, rows: usize, pixels: &[[f32; 4]], stride: usize) -> [f32; 4] {
+    pub fn sums<L: Lanes>(&self, lanes: L, rows: usize, pixels: &[[f32; 4]], stride: usize) -> [L::Two; 2] {
         let mut sums = [lanes.splat(0.0); 2];
-        let sum = self.narrow(
+        let mut add = |row: usize, spread: [L::Two; 2]| {
+            let samples: &[[f32; 4]; LANES] = pixels[row * stride..].first_chunk().expect("the block holds the rows");
+            let samples = samples.as_flattened().as_chunks().0;
+            for half in 0..2 {
+                sums[half] = lanes.add(sums[half], lanes.mul(spread[half], lanes.load(&samples[half])));
+            }
+        };
+        let weights = self.narrow(
             lanes,
             rows,
             #[inline(always)]
             |row, weights| {
-                let mut add = |row: usize, spread: [L::Two; 2]| {
-                    let samples: &[[f32; 4]; LANES] =
-                        pixels[row * stride..].first_chunk().expect("the block holds the rows");
-                    let samples = samples.as_flattened().as_chunks().0;
-                    for half in 0..2 {
-                        sums[half] = lanes.add(sums[half], lanes.mul(spread[half], lanes.load(&samples[half])));
-                    }
-                };
                 add(row, [lanes.spread::<0>(weights), lanes.spread::<1>(weights)]);
                 if row + 1 < rows {
                     add(row + 1, [lanes.spread::<2>(weights), lanes.spread::<3>(weights)]);
                 }
             },
         );
-        // Never minus zero.
-        lanes.quarters(lanes.add(sums[0], sums[1])).map(|total| total / sum + 0.0)
+        [lanes.add(sums[0], sums[1]), weights]
     }
+}
+
+/// The means of four pixels, four channels each, by their [`Spot::sums`]; NaN without weights.
+#[inline(always)]
+pub(super) fn means<L: Lanes>(lanes: L, [a, b, c, d]: [[L::Two; 2]; 4]) -> [[f32; 4]; 4] {
+    let sums = lanes.quarters([a[0], b[0], c[0], d[0]]);
+    let weights = lanes.quarters([a[1], b[1], c[1], d[1]]);
+    let means = lanes.div(sums, lanes.total(weights));
+    // Never minus zero.
+    let means = lanes.store(lanes.add(means, lanes.splat(0.0)));
+    pulp::bytemuck::cast(means)
 }
 
 /// The sum of all lanes: of both groups', halves first.
 #[inline(always)]
-pub(super) fn total<L: Lanes>(lanes: L, two: L::Two) -> f32 {
-    let [a, b, c, d] = lanes.quarters(two);
-    (a + c) + (b + d)
+fn total<L: Lanes>(lanes: L, two: L::Two) -> f32 {
+    lanes.store(lanes.total(lanes.quarters([two; 4])))[0]
 }
 
 /// The sum of a group's lanes, halves first.
@@ -182,7 +203,7 @@ impl Weights {
     pub fn lay<L: Lanes>(&mut self, lanes: L, ellipse: &Ellipse, center: Point) {
         // Pixel i has its centre at i + 1/2.
         let [x, y] = [center[0] - 0.5, center[1] - 0.5];
-        let [width, height] = ellipse.reach;
+        let [width, height] = ellipse.reach();
         let [left, right] = [(x - width).ceil() as i32, (x + width).floor() as i32];
         let top = (y - height).ceil() as i32;
         self.runs.clear();
@@ -190,7 +211,7 @@ impl Weights {
         self.columns = [left, right + 1];
         self.sum = if ellipse.is_narrow() {
             self.columns[1] = left + LANES as i32;
-            self.lay_narrow(lanes, ellipse, [x, y], left, top..top + (2.0 * height) as i32 + 1)
+            self.lay_narrow(lanes, ellipse, [x, y], left, top..top + ellipse.rows())
         } else {
             self.lay_wide(lanes, ellipse, [x, y], top..(y + height).floor() as i32 + 1)
         };
@@ -202,26 +223,26 @@ impl Weights {
         let spot = ellipse.spot(f64::from(first) - at[0], f64::from(rows.start) - at[1]);
         self.runs.extend(rows.map(|row| Run { row, first, groups: 1 }));
         let groups = &mut self.groups;
-        let sum = spot.narrow(
+        let sums = spot.narrow(
             lanes,
             self.runs.len(),
             #[inline(always)]
             |_, weights| groups.extend_from_slice(lanes.store(weights).as_chunks().0),
         );
         self.groups.truncate(self.runs.len());
-        sum
+        total(lanes, sums)
     }
 
     /// Rows as long as they are in the ellipse.
     #[inline(always)]
     fn lay_wide<L: Lanes>(&mut self, lanes: L, ellipse: &Ellipse, [x, y]: Point, rows: Range<i32>) -> f32 {
-        let width = 1.0 / ellipse.along;
+        let (width, slope, down) = (1.0 / f64::from(ellipse.along), f64::from(ellipse.slope), f64::from(ellipse.down));
         let mut sums = lanes.splat(0.0);
         let across: [f32; TWICE] = std::array::from_fn(|i| i as f32);
         for row in rows {
             let dy = f64::from(row) - y;
-            let half = (width * (1.0 - ellipse.down * dy * dy).max(0.0)).sqrt();
-            let middle = x + ellipse.slope * dy;
+            let half = (width * (1.0 - down * dy * dy).max(0.0)).sqrt();
+            let middle = x + slope * dy;
             let (first, last) = ((middle - half).ceil() as i32, (middle + half).floor() as i32);
             if last < first {
                 continue;

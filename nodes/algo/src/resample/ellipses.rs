@@ -4,7 +4,7 @@
 
 use super::axes::{Axes, Shapes};
 use super::block::{BLOCK_WIDTH, Block, Part, Pixels, Samples};
-use super::ellipse::{Ellipse, Spot};
+use super::ellipse::{Ellipse, Spot, means};
 use super::ewa::{Ewa, mixed};
 use super::lanes::{LANES, Lanes};
 use super::locate::Located;
@@ -154,7 +154,7 @@ impl Line {
     #[inline(always)]
     fn fill(&mut self, ewa: &Ewa, at: &Located, shapes: &Shapes, pixels: std::ops::Range<usize>, level: usize) {
         self.count = pixels.len();
-        let [scale, grown] = ewa.level(level, 0).2;
+        let (_, _, scale, grown) = ewa.level(level, 0);
         let [major, minor, cos, sin] = shapes.rows(pixels.clone()).map(padded);
         let (xs, ys) = (padded(&at.x[pixels.clone()]), padded(&at.y[pixels.clone()]));
         // Loops of fixed length compile to whole vectors.
@@ -163,12 +163,13 @@ impl Line {
             let ellipse = Ellipse::new(&axes, level, grown);
             let at = ewa.place([xs[i], ys[i]]);
             let [x, y] = [at[0] * scale[0] - 0.5, at[1] * scale[1] - 0.5];
-            let [left, top] = [(x - ellipse.reach[0]).ceil(), (y - ellipse.reach[1]).ceil()];
+            let reach = ellipse.reach();
+            let [left, top] = [(x - reach[0]).ceil(), (y - reach[1]).ceil()];
             let spot = ellipse.spot(left - x, top - y);
             (self.along[i], self.slope[i], self.down[i], self.dip[i]) = (spot.along, spot.slope, spot.down, spot.dip);
             (self.from[0][i], self.from[1][i]) = (spot.x, spot.y);
             (self.first[0][i], self.first[1][i]) = (left as i32, top as i32);
-            self.rows[i] = if ellipse.is_narrow() { (2.0 * ellipse.reach[1]) as i32 + 1 } else { 0 };
+            self.rows[i] = if ellipse.is_narrow() { ellipse.rows() } else { 0 };
         }
         let [levels, before] = shapes.levels.each_ref().map(|levels| padded(&levels[pixels.clone()]));
         let (parts, level) = (padded(&shapes.part[pixels.clone()]), level as i32);
@@ -193,36 +194,50 @@ impl Line {
     /// Draws them, or says that they must be drawn alone.
     #[inline(always)]
     fn draw<L: Lanes>(&self, lanes: L, samples: Option<&Samples<TOGETHER>>, values: &mut Values) {
-        for i in 0..self.count {
-            if self.rows[i] == ELSEWHERE {
-                continue;
+        for first in (0..self.count).step_by(4) {
+            // Closures given to arrays are not always compiled for the vectors at hand.
+            let a = self.sums(lanes, first, samples);
+            let b = self.sums(lanes, first + 1, samples);
+            let c = self.sums(lanes, first + 2, samples);
+            let d = self.sums(lanes, first + 3, samples);
+            let means = means(lanes, [a, b, c, d]);
+            for (i, means) in (first..self.count).zip(means) {
+                let part = self.part[i];
+                let mix = |plane: usize| mixed(values[i][plane], means[plane], part);
+                match self.rows[i] {
+                    ELSEWHERE => {}
+                    _ if part < 1.0 => values[i] = std::array::from_fn(mix),
+                    _ => values[i] = means,
+                }
             }
-            let (Some(samples), rows @ 1..) = (samples, self.rows[i]) else {
-                values[i] = [f32::NAN; TOGETHER];
-                continue;
-            };
-            let [column, row] = [0, 1].map(|axis| (self.first[axis][i] - samples.part.corner[axis]) as usize);
-            let spot = Spot {
-                along: self.along[i],
-                slope: self.slope[i],
-                down: self.down[i],
-                dip: self.dip[i],
-                x: self.from[0][i],
-                y: self.from[1][i],
-            };
-            let pixels = samples.from((row * samples.stride + column) as u32);
-            let means = spot.means(lanes, rows as usize, pixels, samples.stride);
-            let part = self.part[i];
-            let mix = |plane: usize| mixed(values[i][plane], means[plane], part);
-            values[i] = if part < 1.0 { std::array::from_fn(mix) } else { means };
         }
+    }
+
+    /// The sums of a pixel; zeros if it is not drawn here.
+    #[inline(always)]
+    fn sums<L: Lanes>(&self, lanes: L, i: usize, samples: Option<&Samples<TOGETHER>>) -> [L::Two; 2] {
+        let (Some(samples), rows @ 1..) = (samples, self.rows[i]) else { return [lanes.splat(0.0); 2] };
+        let column = (self.first[0][i] - samples.part.corner[0]) as usize;
+        let row = (self.first[1][i] - samples.part.corner[1]) as usize;
+        let spot = Spot {
+            along: self.along[i],
+            slope: self.slope[i],
+            down: self.down[i],
+            dip: self.dip[i],
+            x: self.from[0][i],
+            y: self.from[1][i],
+        };
+        let pixels = samples.from((row * samples.stride + column) as u32);
+        spot.sums(lanes, rows as usize, pixels, samples.stride)
     }
 }
 
 /// Values as many as a row of a block has.
 #[inline(always)]
 fn padded<T: Copy + Default>(values: &[T]) -> [T; BLOCK_WIDTH] {
-    let mut all = [T::default(); BLOCK_WIDTH];
-    all[..values.len()].copy_from_slice(values);
-    all
+    values.first_chunk().copied().unwrap_or_else(|| {
+        let mut all = [T::default(); BLOCK_WIDTH];
+        all[..values.len()].copy_from_slice(values);
+        all
+    })
 }

@@ -94,12 +94,12 @@ impl<'a> Ewa<'a> {
 
     /// The planes of a level, its edges, and how its pixels lie: [`Level::scale`] and [`Level::grown`].
     #[inline(always)]
-    pub fn level(&self, level: usize, plane: usize) -> (View<'_, f32>, &Source, [[f64; 2]; 2]) {
+    pub fn level(&self, level: usize, plane: usize) -> (View<'_, f32>, &Source, Point, [f32; 2]) {
         match level.checked_sub(self.lowest) {
-            None => (self.planes[plane], &self.source, [[1.0; 2]; 2]),
+            None => (self.planes[plane], &self.source, [1.0; 2], [1.0; 2]),
             Some(i) => {
                 let level = &self.levels[i];
-                (level.view(plane), &level.source, [level.scale, level.grown])
+                (level.view(plane), &level.source, level.scale, level.grown)
             }
         }
     }
@@ -150,7 +150,7 @@ impl<'a> Ewa<'a> {
         plane: usize,
         room: &mut Alone,
     ) -> f32 {
-        let (view, source, [scale, grown]) = self.level(level, plane);
+        let (view, source, scale, grown) = self.level(level, plane);
         let ellipse = Ellipse::new(&shapes.axes(i), level, grown);
         let [x, y] = self.place(at);
         room.weights.lay(lanes, &ellipse, [x * scale[0], y * scale[1]]);

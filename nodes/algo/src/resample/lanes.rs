@@ -29,8 +29,13 @@ pub(super) trait Lanes: Copy {
     /// Four lanes four times each.
     fn spread<const QUARTER: usize>(self, two: Self::Two) -> Self::Two;
 
-    /// The sum of the four quarters: first and third, second and fourth, both.
-    fn quarters(self, two: Self::Two) -> [f32; 4];
+    /// Of four the sums of the quarters of each, side by side: first and third, second and fourth, both.
+    fn quarters(self, fours: [Self::Two; 4]) -> Self::Two;
+
+    /// In each quarter the sum of its lanes, in the same order.
+    fn total(self, two: Self::Two) -> Self::Two;
+
+    fn div(self, a: Self::Two, b: Self::Two) -> Self::Two;
 }
 
 /// Plain loops.
@@ -81,8 +86,24 @@ impl Lanes for Plain {
     }
 
     #[inline(always)]
-    fn quarters(self, two: Self::Two) -> [f32; 4] {
-        std::array::from_fn(|i| (two[i] + two[i + 8]) + (two[i + 4] + two[i + 12]))
+    fn quarters(self, fours: [Self::Two; 4]) -> Self::Two {
+        std::array::from_fn(|i| {
+            let (two, i) = (&fours[i / 4], i % 4);
+            (two[i] + two[i + 8]) + (two[i + 4] + two[i + 12])
+        })
+    }
+
+    #[inline(always)]
+    fn total(self, two: Self::Two) -> Self::Two {
+        std::array::from_fn(|i| {
+            let first = i / 4 * 4;
+            (two[first] + two[first + 2]) + (two[first + 1] + two[first + 3])
+        })
+    }
+
+    #[inline(always)]
+    fn div(self, a: Self::Two, b: Self::Two) -> Self::Two {
+        std::array::from_fn(|i| a[i] / b[i])
     }
 }
 
@@ -132,11 +153,27 @@ impl Lanes for V4 {
     }
 
     #[inline(always)]
-    fn quarters(self, two: Self::Two) -> [f32; 4] {
-        let halves = self.add(two, cast(self.avx512f._mm512_shuffle_f32x4::<0b01_00_11_10>(cast(two), cast(two))));
-        let turned = self.avx512f._mm512_shuffle_f32x4::<0b10_11_00_01>(cast(halves), cast(halves));
-        let sums: [[f32; 4]; 4] = cast(self.add(halves, cast(turned)));
-        sums[0]
+    fn quarters(self, [a, b, c, d]: [Self::Two; 4]) -> Self::Two {
+        let halves = |a: Self::Two, b: Self::Two| {
+            let first = self.avx512f._mm512_shuffle_f32x4::<0x44>(cast(a), cast(b));
+            let last = self.avx512f._mm512_shuffle_f32x4::<0xee>(cast(a), cast(b));
+            self.add_f32s(cast(first), cast(last))
+        };
+        let (ab, cd) = (halves(a, b), halves(c, d));
+        let even = self.avx512f._mm512_shuffle_f32x4::<0x88>(cast(ab), cast(cd));
+        let odd = self.avx512f._mm512_shuffle_f32x4::<0xdd>(cast(ab), cast(cd));
+        self.add_f32s(cast(even), cast(odd))
+    }
+
+    #[inline(always)]
+    fn total(self, two: Self::Two) -> Self::Two {
+        let pairs = self.add_f32s(two, cast(self.avx512f._mm512_permute_ps::<0b01_00_11_10>(cast(two))));
+        self.add_f32s(pairs, cast(self.avx512f._mm512_permute_ps::<0b10_11_00_01>(cast(pairs))))
+    }
+
+    #[inline(always)]
+    fn div(self, a: Self::Two, b: Self::Two) -> Self::Two {
+        self.div_f32s(a, b)
     }
 }
 

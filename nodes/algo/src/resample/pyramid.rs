@@ -16,7 +16,7 @@ pub(super) struct Level {
     /// Level pixels per px.
     pub scale: [f64; 2],
     /// How much smaller its pixels are than 2^level px.
-    pub grown: [f64; 2],
+    pub grown: [f32; 2],
     /// All planes.
     samples: Vec<f32>,
 }
@@ -62,7 +62,7 @@ pub(super) fn halved(
             }
         };
         let scale = [0, 1].map(|axis| size[axis] as f64 / whole[axis] as f64);
-        let grown = scale.map(|scale| scale * (1_u64 << level) as f64);
+        let grown = scale.map(|scale| (scale * (1_u64 << level) as f64) as f32);
         let window = Rect::new(0, 0, size[0] as i64, size[1] as i64);
         levels.push(Level { source: Source { window, ..*source }, scale, grown, samples });
     }
