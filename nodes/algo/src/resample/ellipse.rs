@@ -10,7 +10,6 @@
 use super::axes::Axes;
 use super::lanes::{LANES, Lanes, TWICE};
 use super::spans::Point;
-use std::ops::Range;
 
 /// An ellipse in a level of the pyramid, whose pixels are its unit.
 #[derive(Clone, Copy, Debug)]
@@ -61,7 +60,13 @@ impl Ellipse {
         self.reach.map(f64::from)
     }
 
-    /// Rows that hold samples, the first at the top of its bounding box, if it is narrow.
+    /// Columns read, from the first of its bounding box on.
+    #[inline(always)]
+    pub fn width(&self) -> i32 {
+        if self.is_narrow() { LANES as i32 } else { (2.0 * self.reach[0]) as i32 + 1 + TWICE as i32 }
+    }
+
+    /// Rows that hold samples, from the first of its bounding box on.
     #[inline(always)]
     pub fn rows(&self) -> i32 {
         (2.0 * self.reach[1]) as i32 + 1
@@ -96,6 +101,7 @@ pub(super) struct Spot {
 /// Columns and rows of the samples weighed together, [`LANES`] of two rows.
 const ACROSS: [f32; TWICE] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
 const DOWN: [f32; TWICE] = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0];
+const ALONG: [f32; TWICE] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 11.0, 12.0, 13.0, 14.0, 15.0];
 
 impl Spot {
     /// The weights of samples `x` and `y` from the centre.
@@ -110,7 +116,8 @@ impl Spot {
         lanes.mul(lanes.mul(t, t), dip)
     }
 
-    /// Tells `each` the weights of two rows of [`LANES`] samples at a time, from the first on. Returns their sums.
+    /// Tells `each` the weights of a narrow ellipse, two rows of [`LANES`] samples at a time, from the first sample on.
+    /// Returns their sums.
     #[inline(always)]
     fn narrow<L: Lanes>(&self, lanes: L, rows: usize, mut each: impl FnMut(usize, L::Two)) -> L::Two {
         let x = lanes.add(lanes.splat(self.x), lanes.load(&ACROSS));
@@ -124,29 +131,72 @@ impl Spot {
         sums
     }
 
-    /// The weighted sums of `rows` rows of [`LANES`] pixels, `stride` apart in `pixels`, and those of the weights; to be
-    /// added up by [`means`].
+    /// Tells `each` the weights of a wide ellipse, row by row of those that lie in it, twice [`LANES`] at a time or what is
+    /// left: the row, the first column, from the first sample on, and the samples left. Returns their sums.
     #[inline(always)]
-    pub fn sums<L: Lanes>(&self, lanes: L, rows: usize, pixels: &[[f32; 4]], stride: usize) -> [L::Two; 2] {
+    fn wide<L: Lanes>(&self, lanes: L, rows: usize, mut each: impl FnMut(usize, usize, usize, L::Two)) -> L::Two {
+        let mut sums = lanes.splat(0.0);
+        for row in 0..rows {
+            let y = self.y + row as f32;
+            let half = ((1.0 - self.down * y * y).max(0.0) / self.along).sqrt();
+            let middle = self.slope * y - self.x;
+            let (first, last) = ((middle - half).ceil().max(0.0), (middle + half).floor());
+            let count = (last - first + 1.0) as usize;
+            for start in (0..count).step_by(TWICE) {
+                let from = lanes.splat(self.x + (first + start as f32));
+                let weights = self.weigh(lanes, lanes.add(from, lanes.load(&ALONG)), lanes.splat(y));
+                sums = lanes.add(sums, weights);
+                each(row, first as usize + start, count - start, weights);
+            }
+        }
+        sums
+    }
+
+    /// The weighted sums of the ellipse's pixels, and those of the weights, to be added up by [`means`]. `pixels` lie
+    /// around it in rows `stride` apart, its first sample first; those of a wide one as far as [`Ellipse::width`] says.
+    #[inline(always)]
+    pub fn sums<L: Lanes>(
+        &self,
+        lanes: L,
+        is_narrow: bool,
+        rows: usize,
+        pixels: &[[f32; 4]],
+        stride: usize,
+    ) -> [L::Two; 2] {
         let mut sums = [lanes.splat(0.0); 2];
-        let mut add = |row: usize, spread: [L::Two; 2]| {
-            let samples: &[[f32; 4]; LANES] = pixels[row * stride..].first_chunk().expect("the block holds the rows");
+        let mut add = |at: usize, spread: [L::Two; 2]| {
+            let samples: &[[f32; 4]; LANES] = pixels[at..].first_chunk().expect("the block holds the ellipse");
             let samples = samples.as_flattened().as_chunks().0;
             for half in 0..2 {
                 sums[half] = lanes.add(sums[half], lanes.mul(spread[half], lanes.load(&samples[half])));
             }
         };
-        let weights = self.narrow(
-            lanes,
-            rows,
-            #[inline(always)]
-            |row, weights| {
-                add(row, [lanes.spread::<0>(weights), lanes.spread::<1>(weights)]);
-                if row + 1 < rows {
-                    add(row + 1, [lanes.spread::<2>(weights), lanes.spread::<3>(weights)]);
-                }
-            },
-        );
+        let weights = if is_narrow {
+            self.narrow(
+                lanes,
+                rows,
+                #[inline(always)]
+                |row, weights| {
+                    add(row * stride, [lanes.spread::<0>(weights), lanes.spread::<1>(weights)]);
+                    if row + 1 < rows {
+                        add((row + 1) * stride, [lanes.spread::<2>(weights), lanes.spread::<3>(weights)]);
+                    }
+                },
+            )
+        } else {
+            self.wide(
+                lanes,
+                rows,
+                #[inline(always)]
+                |row, column, left, weights| {
+                    let at = row * stride + column;
+                    add(at, [lanes.spread::<0>(weights), lanes.spread::<1>(weights)]);
+                    if left > LANES {
+                        add(at + LANES, [lanes.spread::<2>(weights), lanes.spread::<3>(weights)]);
+                    }
+                },
+            )
+        };
         [lanes.add(sums[0], sums[1]), weights]
     }
 }
@@ -204,63 +254,36 @@ impl Weights {
         // Pixel i has its centre at i + 1/2.
         let [x, y] = [center[0] - 0.5, center[1] - 0.5];
         let [width, height] = ellipse.reach();
-        let [left, right] = [(x - width).ceil() as i32, (x + width).floor() as i32];
-        let top = (y - height).ceil() as i32;
-        self.runs.clear();
-        self.groups.clear();
-        self.columns = [left, right + 1];
-        self.sum = if ellipse.is_narrow() {
-            self.columns[1] = left + LANES as i32;
-            self.lay_narrow(lanes, ellipse, [x, y], left, top..top + ellipse.rows())
+        let [left, top] = [(x - width).ceil(), (y - height).ceil()];
+        let (spot, rows) = (ellipse.spot(left - x, top - y), ellipse.rows() as usize);
+        let [left, top] = [left as i32, top as i32];
+        let Self { runs, groups, columns, .. } = self;
+        runs.clear();
+        groups.clear();
+        *columns = [left, left + LANES as i32];
+        let sums = if ellipse.is_narrow() {
+            runs.extend((top..top + rows as i32).map(|row| Run { row, first: left, groups: 1 }));
+            spot.narrow(
+                lanes,
+                rows,
+                #[inline(always)]
+                |_, weights| groups.extend_from_slice(lanes.store(weights).as_chunks().0),
+            )
         } else {
-            self.lay_wide(lanes, ellipse, [x, y], top..(y + height).floor() as i32 + 1)
+            spot.wide(
+                lanes,
+                rows,
+                #[inline(always)]
+                |row, column, count, weights| {
+                    let (row, first, some) = (top + row as i32, left + column as i32, count.min(TWICE).div_ceil(LANES));
+                    runs.push(Run { row, first, groups: some });
+                    columns[1] = columns[1].max(first + (some * LANES) as i32);
+                    groups.extend_from_slice(&lanes.store(weights).as_chunks().0[..some]);
+                },
+            )
         };
-    }
-
-    /// Rows of one group each.
-    #[inline(always)]
-    fn lay_narrow<L: Lanes>(&mut self, lanes: L, ellipse: &Ellipse, at: Point, first: i32, rows: Range<i32>) -> f32 {
-        let spot = ellipse.spot(f64::from(first) - at[0], f64::from(rows.start) - at[1]);
-        self.runs.extend(rows.map(|row| Run { row, first, groups: 1 }));
-        let groups = &mut self.groups;
-        let sums = spot.narrow(
-            lanes,
-            self.runs.len(),
-            #[inline(always)]
-            |_, weights| groups.extend_from_slice(lanes.store(weights).as_chunks().0),
-        );
-        self.groups.truncate(self.runs.len());
-        total(lanes, sums)
-    }
-
-    /// Rows as long as they are in the ellipse.
-    #[inline(always)]
-    fn lay_wide<L: Lanes>(&mut self, lanes: L, ellipse: &Ellipse, [x, y]: Point, rows: Range<i32>) -> f32 {
-        let (width, slope, down) = (1.0 / f64::from(ellipse.along), f64::from(ellipse.slope), f64::from(ellipse.down));
-        let mut sums = lanes.splat(0.0);
-        let across: [f32; TWICE] = std::array::from_fn(|i| i as f32);
-        for row in rows {
-            let dy = f64::from(row) - y;
-            let half = (width * (1.0 - down * dy * dy).max(0.0)).sqrt();
-            let middle = x + slope * dy;
-            let (first, last) = ((middle - half).ceil() as i32, (middle + half).floor() as i32);
-            if last < first {
-                continue;
-            }
-            let groups = ((last - first) as usize + LANES) / LANES;
-            self.runs.push(Run { row, first, groups });
-            self.columns = [self.columns[0].min(first), self.columns[1].max(first + (groups * LANES) as i32)];
-            let spot = ellipse.spot(f64::from(first) - x, dy);
-            let start = self.groups.len();
-            for group in (0..groups).step_by(2) {
-                let from = spot.x + (group * LANES) as f32;
-                let weights = spot.weigh(lanes, lanes.add(lanes.splat(from), lanes.load(&across)), lanes.splat(spot.y));
-                sums = lanes.add(sums, weights);
-                self.groups.extend_from_slice(lanes.store(weights).as_chunks().0);
-            }
-            self.groups.truncate(start + groups);
-        }
-        total(lanes, sums)
+        groups.truncate(runs.iter().map(|run| run.groups).sum());
+        self.sum = total(lanes, sums);
     }
 
     /// Whether all runs lie in a picture of this size.

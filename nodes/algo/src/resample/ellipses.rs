@@ -3,7 +3,7 @@
 //! the cache.
 
 use super::axes::{Axes, Shapes};
-use super::block::{BLOCK_WIDTH, Block, Part, Pixels, Samples};
+use super::block::{Block, Part, Pixels, Samples};
 use super::ellipse::{Ellipse, Spot, means};
 use super::ewa::{Ewa, mixed};
 use super::lanes::{LANES, Lanes};
@@ -11,17 +11,16 @@ use super::locate::Located;
 
 /// Planes that are weighed together.
 pub(super) const TOGETHER: usize = 4;
-/// Rows of a block.
+/// Columns and rows of a block.
+pub(super) const WIDTH: usize = 32;
 pub(super) const ROWS: usize = 32;
 /// Pixels of a copy: a mebibyte.
 const MOST: usize = 1 << 16;
 /// Up to how often a copy may hold more than the ellipses do.
 const SPREAD: usize = 2;
-/// In place of a count of rows: another level's pixel.
-const ELSEWHERE: i32 = -1;
 
 /// The values of a row of a block.
-pub(super) type Values = [[f32; TOGETHER]; BLOCK_WIDTH];
+pub(super) type Values = [[f32; TOGETHER]; WIDTH];
 
 /// Draws blocks of pixels.
 #[derive(Default)]
@@ -45,7 +44,7 @@ impl Ellipses {
         first: usize,
     ) {
         let count = pixels.rows.len();
-        self.values.resize(ROWS, [[f32::NAN; TOGETHER]; BLOCK_WIDTH]);
+        self.values.resize(ROWS, [[f32::NAN; TOGETHER]; WIDTH]);
         self.values.iter_mut().for_each(|values| values.as_flattened_mut().fill(f32::NAN));
         self.lines.resize(ROWS, Line::EMPTY);
         if ewa.clamps() {
@@ -116,17 +115,18 @@ fn part_of(lines: &[Line]) -> (usize, Option<Part>) {
 #[derive(Clone)]
 struct Line {
     count: usize,
-    along: [f32; BLOCK_WIDTH],
-    slope: [f32; BLOCK_WIDTH],
-    down: [f32; BLOCK_WIDTH],
-    dip: [f32; BLOCK_WIDTH],
+    along: [f32; WIDTH],
+    slope: [f32; WIDTH],
+    down: [f32; WIDTH],
+    dip: [f32; WIDTH],
     /// The first sample of each: from the centre, and its column and row.
-    from: [[f32; BLOCK_WIDTH]; 2],
-    first: [[i32; BLOCK_WIDTH]; 2],
-    /// Rows of samples; 0 if it is wide.
-    rows: [i32; BLOCK_WIDTH],
+    from: [[f32; WIDTH]; 2],
+    first: [[i32; WIDTH]; 2],
+    /// Columns and rows of samples; no rows where none is drawn.
+    columns: [i32; WIDTH],
+    rows: [i32; WIDTH],
     /// The level's share of the value; the one before has the rest.
-    part: [f32; BLOCK_WIDTH],
+    part: [f32; WIDTH],
     /// What all of them hold.
     low: [i32; 2],
     high: [i32; 2],
@@ -137,14 +137,15 @@ struct Line {
 impl Line {
     const EMPTY: Self = Self {
         count: 0,
-        along: [0.0; BLOCK_WIDTH],
-        slope: [0.0; BLOCK_WIDTH],
-        down: [0.0; BLOCK_WIDTH],
-        dip: [0.0; BLOCK_WIDTH],
-        from: [[0.0; BLOCK_WIDTH]; 2],
-        first: [[0; BLOCK_WIDTH]; 2],
-        rows: [ELSEWHERE; BLOCK_WIDTH],
-        part: [1.0; BLOCK_WIDTH],
+        along: [0.0; WIDTH],
+        slope: [0.0; WIDTH],
+        down: [0.0; WIDTH],
+        dip: [0.0; WIDTH],
+        from: [[0.0; WIDTH]; 2],
+        first: [[0; WIDTH]; 2],
+        columns: [0; WIDTH],
+        rows: [0; WIDTH],
+        part: [1.0; WIDTH],
         low: [i32::MAX; 2],
         high: [i32::MIN; 2],
         held: 0,
@@ -158,7 +159,7 @@ impl Line {
         let [major, minor, cos, sin] = shapes.rows(pixels.clone()).map(padded);
         let (xs, ys) = (padded(&at.x[pixels.clone()]), padded(&at.y[pixels.clone()]));
         // Loops of fixed length compile to whole vectors.
-        for i in 0..BLOCK_WIDTH {
+        for i in 0..WIDTH {
             let axes = Axes { squares: [major[i], minor[i]], twice: [cos[i], sin[i]] };
             let ellipse = Ellipse::new(&axes, level, grown);
             let at = ewa.place([xs[i], ys[i]]);
@@ -169,26 +170,26 @@ impl Line {
             (self.along[i], self.slope[i], self.down[i], self.dip[i]) = (spot.along, spot.slope, spot.down, spot.dip);
             (self.from[0][i], self.from[1][i]) = (spot.x, spot.y);
             (self.first[0][i], self.first[1][i]) = (left as i32, top as i32);
-            self.rows[i] = if ellipse.is_narrow() { ellipse.rows() } else { 0 };
+            (self.columns[i], self.rows[i]) = (ellipse.width(), ellipse.rows());
         }
         let [levels, before] = shapes.levels.each_ref().map(|levels| padded(&levels[pixels.clone()]));
         let (parts, level) = (padded(&shapes.part[pixels.clone()]), level as i32);
-        for i in 0..BLOCK_WIDTH {
+        for i in 0..WIDTH {
             let here = (levels[i] == level) | (before[i] == level);
-            self.rows[i] = if here & (i < self.count) & !xs[i].is_nan() { self.rows[i] } else { ELSEWHERE };
+            self.rows[i] = if here & (i < self.count) & !xs[i].is_nan() { self.rows[i] } else { 0 };
             self.part[i] = if levels[i] == level { parts[i] } else { 1.0 };
         }
-        let ([left, top], rows) = (&self.first, &self.rows);
+        let ([left, top], columns, rows) = (&self.first, &self.columns, &self.rows);
         let (mut low, mut high, mut held) = ([i32::MAX; 2], [i32::MIN; 2], 0);
-        for i in 0..BLOCK_WIDTH {
+        for i in 0..WIDTH {
             let drawn = rows[i] > 0;
             low[0] = low[0].min(if drawn { left[i] } else { i32::MAX });
             low[1] = low[1].min(if drawn { top[i] } else { i32::MAX });
-            high[0] = high[0].max(if drawn { left[i] + LANES as i32 } else { i32::MIN });
+            high[0] = high[0].max(if drawn { left[i] + columns[i] } else { i32::MIN });
             high[1] = high[1].max(if drawn { top[i] + rows[i] } else { i32::MIN });
-            held += if drawn { rows[i] } else { 0 };
+            held += if drawn { columns[i] * rows[i] } else { 0 };
         }
-        (self.low, self.high, self.held) = (low, high, held as usize * LANES);
+        (self.low, self.high, self.held) = (low, high, held as usize);
     }
 
     /// Draws them, or says that they must be drawn alone.
@@ -205,7 +206,7 @@ impl Line {
                 let part = self.part[i];
                 let mix = |plane: usize| mixed(values[i][plane], means[plane], part);
                 match self.rows[i] {
-                    ELSEWHERE => {}
+                    0 => {}
                     _ if part < 1.0 => values[i] = std::array::from_fn(mix),
                     _ => values[i] = means,
                 }
@@ -228,15 +229,16 @@ impl Line {
             y: self.from[1][i],
         };
         let pixels = samples.from((row * samples.stride + column) as u32);
-        spot.sums(lanes, rows as usize, pixels, samples.stride)
+        let is_narrow = self.columns[i] == LANES as i32;
+        spot.sums(lanes, is_narrow, rows as usize, pixels, samples.stride)
     }
 }
 
 /// Values as many as a row of a block has.
 #[inline(always)]
-fn padded<T: Copy + Default>(values: &[T]) -> [T; BLOCK_WIDTH] {
+fn padded<T: Copy + Default>(values: &[T]) -> [T; WIDTH] {
     values.first_chunk().copied().unwrap_or_else(|| {
-        let mut all = [T::default(); BLOCK_WIDTH];
+        let mut all = [T::default(); WIDTH];
         all[..values.len()].copy_from_slice(values);
         all
     })

@@ -6,8 +6,8 @@
 
 use super::axes::{Shapes, levels};
 use super::ellipse::{Ellipse, Run, Weights, group_total};
-use super::block::{BLOCK_WIDTH, Pixels};
-use super::ellipses::{Ellipses, ROWS, TOGETHER};
+use super::block::Pixels;
+use super::ellipses::{Ellipses, ROWS, TOGETHER, WIDTH};
 use super::filter::{CUBIC, Filter};
 use super::filtered::{Blocks, filtered};
 use super::jacobian::Jacobians;
@@ -120,7 +120,7 @@ impl<'a> Ewa<'a> {
         [0, 1].map(|axis| (at[axis] - corner[axis]).clamp(-FARTHEST, FARTHEST))
     }
 
-    /// A pixel's value alone: that of plane number `plane` at pixel `i` of the tile.
+    /// A pixel's values alone: those of planes from number `first` on at pixel `i` of the tile.
     #[inline(always)]
     fn alone<L: Lanes>(
         &self,
@@ -128,33 +128,38 @@ impl<'a> Ewa<'a> {
         shapes: &Shapes,
         i: usize,
         at: Point,
-        plane: usize,
+        first: usize,
         room: &mut Alone,
-    ) -> f32 {
-        let [level, before] = shapes.levels.each_ref().map(|levels| levels[i] as usize);
-        let value = self.mean(lanes, shapes, i, at, level, plane, room);
+    ) -> [f32; TOGETHER] {
+        let [level, before] = [shapes.levels[0][i] as usize, shapes.levels[1][i] as usize];
+        let values = self.means(lanes, shapes, i, at, level, first, room);
         if level == before {
-            return value;
+            return values;
         }
-        mixed(self.mean(lanes, shapes, i, at, before, plane, room), value, shapes.part[i])
+        let finer = self.means(lanes, shapes, i, at, before, first, room);
+        std::array::from_fn(|plane| mixed(finer[plane], values[plane], shapes.part[i]))
     }
 
     #[inline(always)]
-    fn mean<L: Lanes>(
+    fn means<L: Lanes>(
         &self,
         lanes: L,
         shapes: &Shapes,
         i: usize,
         at: Point,
         level: usize,
-        plane: usize,
+        first: usize,
         room: &mut Alone,
-    ) -> f32 {
-        let (view, source, scale, grown) = self.level(level, plane);
+    ) -> [f32; TOGETHER] {
+        let (_, source, scale, grown) = self.level(level, 0);
         let ellipse = Ellipse::new(&shapes.axes(i), level, grown);
         let [x, y] = self.place(at);
         room.weights.lay(lanes, &ellipse, [x * scale[0], y * scale[1]]);
-        mean(&room.weights, &view, source, self.clamp, &mut room.buffer)
+        let mut values = [0.0; TOGETHER];
+        for (value, plane) in values.iter_mut().zip(first..self.planes.len()) {
+            *value = mean(&room.weights, &self.level(level, plane).0, source, self.clamp, &mut room.buffer);
+        }
+        values
     }
 }
 
@@ -175,8 +180,8 @@ impl Work for Tile<'_, '_, '_> {
         let Scratch { shapes, ellipses, alone, .. } = scratch;
         for top in (0..at.height()).step_by(ROWS) {
             let rows = top..at.height().min(top + ROWS);
-            for start in (0..at.width).step_by(BLOCK_WIDTH) {
-                let columns = start..at.width.min(start + BLOCK_WIDTH);
+            for start in (0..at.width).step_by(WIDTH) {
+                let columns = start..at.width.min(start + WIDTH);
                 let pixels = Pixels { columns, rows: rows.clone() };
                 ellipses.draw(lanes, ewa, at, shapes, &pixels, first);
                 for (row, values) in rows.clone().zip(&ellipses.values) {
@@ -190,19 +195,17 @@ impl Work for Tile<'_, '_, '_> {
                         continue;
                     }
                     for (i, pixel) in pixels.enumerate() {
-                        let at = [at.x[pixel], at.y[pixel]];
-                        let share = shapes.share(pixel);
-                        for (plane, out) in out.iter_mut().enumerate() {
+                        let (place, share) = ([at.x[pixel], at.y[pixel]], shapes.share(pixel));
+                        let drawn = !place[0].is_nan();
+                        let mut values = values[i];
+                        if drawn & (share > 0.0) & !values[..out.len()].iter().all(|value| value.is_finite()) {
+                            values = ewa.alone(lanes, shapes, pixel, place, first, alone);
+                        }
+                        for (out, value) in out.iter_mut().zip(values) {
                             let out = &mut out.row_mut(row)[columns.start + i];
-                            if at[0].is_nan() {
+                            if !drawn {
                                 *out = 0.0;
                             } else if share > 0.0 {
-                                let value = values[i][plane];
-                                let value = if value.is_finite() {
-                                    value
-                                } else {
-                                    ewa.alone(lanes, shapes, pixel, at, first + plane, alone)
-                                };
                                 mix(out, value, share);
                             }
                         }
@@ -215,7 +218,7 @@ impl Work for Tile<'_, '_, '_> {
 
 /// Whether all values of a row of a block stand as they are.
 #[inline(always)]
-fn is_plain(shapes: &Shapes, xs: &[f64], first: usize, values: &[[f32; TOGETHER]; BLOCK_WIDTH]) -> bool {
+fn is_plain(shapes: &Shapes, xs: &[f64], first: usize, values: &[[f32; TOGETHER]; WIDTH]) -> bool {
     let (mut wild, mut missing) = ([0.0; LANES], 0.0);
     for values in values.as_flattened()[..xs.len() * TOGETHER].chunks_exact(TOGETHER) {
         for lane in 0..TOGETHER {
