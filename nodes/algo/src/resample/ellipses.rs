@@ -16,6 +16,8 @@ pub(super) const WIDTH: usize = 32;
 pub(super) const ROWS: usize = 32;
 /// Pixels of a copy: a mebibyte.
 const MOST: usize = 1 << 16;
+/// Level pixels around a place that are fetched for it.
+const RIM: f64 = 4.0;
 /// Up to how often a copy may hold more than the ellipses do.
 const SPREAD: usize = 2;
 
@@ -32,7 +34,7 @@ pub(super) struct Ellipses {
 }
 
 impl Ellipses {
-    /// Draws a block of the planes from number `first` on.
+    /// Draws a block of the planes from number `first` on, and has the memory bring the samples of the next one.
     #[inline(always)]
     pub fn draw<L: Lanes>(
         &mut self,
@@ -40,7 +42,7 @@ impl Ellipses {
         ewa: &Ewa,
         at: &Located,
         shapes: &Shapes,
-        pixels: &Pixels,
+        [pixels, next]: [&Pixels; 2],
         first: usize,
     ) {
         let count = pixels.rows.len();
@@ -56,10 +58,11 @@ impl Ellipses {
                 let first = row * at.width;
                 line.fill(ewa, at, shapes, first + pixels.columns.start..first + pixels.columns.end, level);
             }
+            let mut next = around(ewa, at, next, level);
             let mut row = 0;
             while row < count {
                 let (rows, part) = part_of(&self.lines[row..count]);
-                self.rows(lanes, ewa, row..row + rows, part, level, first);
+                self.rows(lanes, ewa, row..row + rows, [part, next.take()], level, first);
                 row += rows;
             }
         }
@@ -72,20 +75,43 @@ impl Ellipses {
         lanes: L,
         ewa: &Ewa,
         rows: std::ops::Range<usize>,
-        part: Option<Part>,
+        [part, next]: [Option<Part>; 2],
         level: usize,
         first: usize,
     ) {
-        let samples = part.map(|part| {
-            // Where there are fewer, the last one fills up.
-            let last = ewa.plane_count() - 1;
-            let planes = std::array::from_fn(|i| ewa.level(level, last.min(first + i)).0);
-            self.block.load(ewa.level(level, 0).1, planes, part)
-        });
-        for (line, values) in self.lines[rows.clone()].iter().zip(&mut self.values[rows]) {
+        // Where there are fewer, the last one fills up.
+        let last = ewa.plane_count() - 1;
+        let planes: [_; TOGETHER] = std::array::from_fn(|i| ewa.level(level, last.min(first + i)).0);
+        let samples = part.map(|part| self.block.load(ewa.level(level, 0).1, planes, part));
+        let count = rows.len();
+        for (row, (line, values)) in self.lines[rows.clone()].iter().zip(&mut self.values[rows]).enumerate() {
+            if let Some(next) = &next {
+                next.fetch(&planes, row, count);
+            }
             line.draw(lanes, samples.as_ref(), values);
         }
     }
+}
+
+/// About the part of a level that a block's ellipses need: around its corners. None where there may be none.
+fn around(ewa: &Ewa, at: &Located, pixels: &Pixels, level: usize) -> Option<Part> {
+    let (_, source, scale, _) = ewa.level(level, 0);
+    let (columns, rows) = (&pixels.columns, &pixels.rows);
+    let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+    for (row, column) in [(rows.start, columns.start), (rows.start, columns.end - 1)]
+        .into_iter()
+        .chain([(rows.end - 1, columns.start), (rows.end - 1, columns.end - 1)])
+    {
+        let (xs, ys) = at.row(row);
+        let at = ewa.place([xs[column], ys[column]]);
+        for axis in 0..2 {
+            low[axis] = low[axis].min(at[axis] * scale[axis] - RIM);
+            high[axis] = high[axis].max(at[axis] * scale[axis] + RIM);
+        }
+    }
+    let size = [0, 1].map(|axis| (high[axis] - low[axis]) as usize);
+    let small = low[0] <= high[0] && size[0].saturating_mul(size[1]) <= MOST;
+    small.then(|| Part { corner: low.map(|low| low as i32), size }.inside(source))
 }
 
 /// As many of the rows, from the first on, as one part of the level serves; none if that would be too large, or there is

@@ -7,7 +7,7 @@
 use super::axes::{Shapes, levels};
 use super::ellipse::{Ellipse, Run, Weights, group_total};
 use super::block::Pixels;
-use super::ellipses::{Ellipses, ROWS, TOGETHER, WIDTH};
+use super::ellipses::{Ellipses, ROWS, TOGETHER, Values, WIDTH};
 use super::filter::{CUBIC, Filter};
 use super::filtered::{Blocks, filtered};
 use super::jacobian::Jacobians;
@@ -20,6 +20,7 @@ use super::{Map, not_finite};
 use crate::rect::Rect;
 use crate::view::{View, ViewMut};
 use crate::{Interrupted, Watch};
+use std::ops::Range;
 
 /// Positions farther out than this, px, count as lying here.
 pub(super) const FARTHEST: f64 = (1_u64 << 27) as f64;
@@ -175,50 +176,64 @@ struct Tile<'a, 'b, 'c> {
 
 impl Work for Tile<'_, '_, '_> {
     #[inline(always)]
-    fn run<L: Lanes>(self, lanes: L) {
+    fn run<L: Lanes>(mut self, lanes: L) {
+        let (at, first) = (self.at, self.first);
+        let mut ellipses = std::mem::take(&mut self.scratch.ellipses);
+        let blocks = blocks(at);
+        for (i, pixels) in blocks.iter().enumerate() {
+            let next = &blocks[(i + 1).min(blocks.len() - 1)];
+            ellipses.draw(lanes, self.ewa, at, &self.scratch.shapes, [pixels, next], first);
+            for (row, values) in pixels.rows.clone().zip(&ellipses.values) {
+                self.finish(lanes, row, &pixels.columns, values);
+            }
+        }
+        self.scratch.ellipses = ellipses;
+    }
+}
+
+impl Tile<'_, '_, '_> {
+    /// Writes a row of a block, and draws alone what must be.
+    #[inline(always)]
+    fn finish<L: Lanes>(&mut self, lanes: L, row: usize, columns: &Range<usize>, values: &Values) {
         let Self { ewa, at, left, first, scratch, out } = self;
-        let Scratch { shapes, ellipses, alone, .. } = scratch;
-        for top in (0..at.height()).step_by(ROWS) {
-            let rows = top..at.height().min(top + ROWS);
-            for start in (0..at.width).step_by(WIDTH) {
-                let columns = start..at.width.min(start + WIDTH);
-                let pixels = Pixels { columns, rows: rows.clone() };
-                ellipses.draw(lanes, ewa, at, shapes, &pixels, first);
-                for (row, values) in rows.clone().zip(&ellipses.values) {
-                    let columns = left + pixels.columns.start..left + pixels.columns.end;
-                    let pixels = row * at.width + pixels.columns.start..row * at.width + pixels.columns.end;
-                    if is_plain(shapes, &at.x[pixels.clone()], pixels.start, values) {
-                        for (plane, out) in out.iter_mut().enumerate() {
-                            let out = &mut out.row_mut(row)[columns.clone()];
-                            out.iter_mut().zip(values).for_each(|(out, value)| *out = value[plane]);
-                        }
-                        continue;
-                    }
-                    for (i, pixel) in pixels.enumerate() {
-                        let (place, share) = ([at.x[pixel], at.y[pixel]], shapes.share(pixel));
-                        let drawn = !place[0].is_nan();
-                        let mut values = values[i];
-                        if drawn & (share > 0.0) & !values[..out.len()].iter().all(|value| value.is_finite()) {
-                            values = ewa.alone(lanes, shapes, pixel, place, first, alone);
-                        }
-                        for (out, value) in out.iter_mut().zip(values) {
-                            let out = &mut out.row_mut(row)[columns.start + i];
-                            if !drawn {
-                                *out = 0.0;
-                            } else if share > 0.0 {
-                                mix(out, value, share);
-                            }
-                        }
-                    }
-                }
+        let Scratch { shapes, alone, .. } = &mut **scratch;
+        let pixels = row * at.width + columns.start..row * at.width + columns.end;
+        let columns = *left + columns.start..*left + columns.end;
+        if is_plain(shapes, &at.x[pixels.clone()], pixels.start, values) {
+            for (plane, out) in out.iter_mut().enumerate() {
+                let out = &mut out.row_mut(row)[columns.clone()];
+                out.iter_mut().zip(values).for_each(|(out, value)| *out = value[plane]);
+            }
+            return;
+        }
+        for (column, (pixel, value)) in columns.zip(pixels.zip(values)) {
+            let (place, share) = ([at.x[pixel], at.y[pixel]], shapes.share(pixel));
+            let mut value = *value;
+            if place[0].is_nan() {
+                out.iter_mut().for_each(|out| out.row_mut(row)[column] = 0.0);
+                continue;
+            }
+            if share > 0.0 && !value[..out.len()].iter().all(|value| value.is_finite()) {
+                value = ewa.alone(lanes, shapes, pixel, place, *first, alone);
+            }
+            if share > 0.0 {
+                out.iter_mut().zip(value).for_each(|(out, value)| mix(&mut out.row_mut(row)[column], value, share));
             }
         }
     }
 }
 
+/// The blocks of a tile, row by row.
+fn blocks(at: &Located) -> Vec<Pixels> {
+    let range = |start: usize, count: usize, step: usize| start..count.min(start + step);
+    let columns = || (0..at.width).step_by(WIDTH).map(|start| range(start, at.width, WIDTH));
+    let rows = (0..at.height()).step_by(ROWS).map(|start| range(start, at.height(), ROWS));
+    rows.flat_map(|rows| columns().map(move |columns| Pixels { columns, rows: rows.clone() })).collect()
+}
+
 /// Whether all values of a row of a block stand as they are.
 #[inline(always)]
-fn is_plain(shapes: &Shapes, xs: &[f64], first: usize, values: &[[f32; TOGETHER]; WIDTH]) -> bool {
+fn is_plain(shapes: &Shapes, xs: &[f64], first: usize, values: &Values) -> bool {
     let (mut wild, mut missing) = ([0.0; LANES], 0.0);
     for values in values.as_flattened()[..xs.len() * TOGETHER].chunks_exact(TOGETHER) {
         for lane in 0..TOGETHER {

@@ -10,6 +10,9 @@ use crate::view::View;
 use crate::{Interrupted, Watch};
 use rayon::prelude::*;
 
+/// Samples added up between fetches.
+const CHUNK: usize = 128;
+
 /// A picture made smaller: a pixel is the mean of the samples it covers.
 pub(super) struct Level {
     pub source: Source,
@@ -83,7 +86,7 @@ fn smaller(planes: &[View<f32>], [width, height]: [usize; 2], watch: Watch) -> R
             || {
                 sums.fill(0.0);
                 for (row, weight) in down.parts(line % height) {
-                    add(sums, plane.row(row), weight);
+                    add(sums, plane.row(row), plane.row((row + 1).min(plane.height() - 1)), weight);
                 }
                 across.means(sums, 1.0 / (across.step * down.step) as f32, out);
             },
@@ -93,10 +96,17 @@ fn smaller(planes: &[View<f32>], [width, height]: [usize; 2], watch: Watch) -> R
     Ok(out)
 }
 
+/// Adds a row, and has the memory bring the next one.
 #[inline(always)]
-fn add(sums: &mut [f32], row: &[f32], weight: f32) {
-    for (sum, sample) in sums.iter_mut().zip(row) {
-        *sum += weight * sample;
+fn add(sums: &mut [f32], row: &[f32], next: &[f32], weight: f32) {
+    for ((sums, row), next) in sums.chunks_mut(CHUNK).zip(row.chunks(CHUNK)).zip(next.chunks(CHUNK)) {
+        #[cfg(target_arch = "x86_64")]
+        super::simd::fetch(next);
+        #[cfg(not(target_arch = "x86_64"))]
+        let _ = next;
+        for (sum, sample) in sums.iter_mut().zip(row) {
+            *sum += weight * sample;
+        }
     }
 }
 
