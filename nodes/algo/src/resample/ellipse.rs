@@ -75,14 +75,7 @@ impl Ellipse {
     /// Its weights around a sample that lies `x` and `y` from the centre.
     #[inline(always)]
     pub fn spot(&self, x: f64, y: f64) -> Spot {
-        Spot {
-            along: self.along,
-            slope: self.slope,
-            down: self.down,
-            dip: self.dip,
-            x: x as f32,
-            y: y as f32,
-        }
+        Spot { along: self.along, slope: self.slope, down: self.down, dip: self.dip, x: x as f32, y: y as f32 }
     }
 }
 

@@ -8,16 +8,15 @@ use super::ellipse::{Ellipse, Spot, means};
 use super::ewa::{Ewa, mixed};
 use super::lanes::{LANES, Lanes};
 use super::locate::Located;
+use std::ops::Range;
 
 /// Planes that are weighed together.
 pub(super) const TOGETHER: usize = 4;
 /// Columns and rows of a block.
-pub(super) const WIDTH: usize = 32;
-pub(super) const ROWS: usize = 32;
+pub(super) const WIDTH: usize = 128;
+pub(super) const ROWS: usize = 16;
 /// Pixels of a copy: a mebibyte.
-const MOST: usize = 1 << 16;
-/// Level pixels around a place that are fetched for it.
-const RIM: f64 = 4.0;
+const MOST: usize = 1 << 17;
 /// Up to how often a copy may hold more than the ellipses do.
 const SPREAD: usize = 2;
 
@@ -34,7 +33,7 @@ pub(super) struct Ellipses {
 }
 
 impl Ellipses {
-    /// Draws a block of the planes from number `first` on, and has the memory bring the samples of the next one.
+    /// Draws a block of the planes from number `first` on.
     #[inline(always)]
     pub fn draw<L: Lanes>(
         &mut self,
@@ -42,7 +41,7 @@ impl Ellipses {
         ewa: &Ewa,
         at: &Located,
         shapes: &Shapes,
-        [pixels, next]: [&Pixels; 2],
+        pixels: &Pixels,
         first: usize,
     ) {
         let count = pixels.rows.len();
@@ -58,11 +57,10 @@ impl Ellipses {
                 let first = row * at.width;
                 line.fill(ewa, at, shapes, first + pixels.columns.start..first + pixels.columns.end, level);
             }
-            let mut next = around(ewa, at, next, level);
             let mut row = 0;
             while row < count {
                 let (rows, part) = part_of(&self.lines[row..count]);
-                self.rows(lanes, ewa, row..row + rows, [part, next.take()], level, first);
+                self.rows(lanes, ewa, row..row + rows, part, level, first);
                 row += rows;
             }
         }
@@ -74,8 +72,8 @@ impl Ellipses {
         &mut self,
         lanes: L,
         ewa: &Ewa,
-        rows: std::ops::Range<usize>,
-        [part, next]: [Option<Part>; 2],
+        rows: Range<usize>,
+        part: Option<Part>,
         level: usize,
         first: usize,
     ) {
@@ -83,35 +81,10 @@ impl Ellipses {
         let last = ewa.plane_count() - 1;
         let planes: [_; TOGETHER] = std::array::from_fn(|i| ewa.level(level, last.min(first + i)).0);
         let samples = part.map(|part| self.block.load(ewa.level(level, 0).1, planes, part));
-        let count = rows.len();
-        for (row, (line, values)) in self.lines[rows.clone()].iter().zip(&mut self.values[rows]).enumerate() {
-            if let Some(next) = &next {
-                next.fetch(&planes, row, count);
-            }
+        for (line, values) in self.lines[rows.clone()].iter().zip(&mut self.values[rows]) {
             line.draw(lanes, samples.as_ref(), values);
         }
     }
-}
-
-/// About the part of a level that a block's ellipses need: around its corners. None where there may be none.
-fn around(ewa: &Ewa, at: &Located, pixels: &Pixels, level: usize) -> Option<Part> {
-    let (_, source, scale, _) = ewa.level(level, 0);
-    let (columns, rows) = (&pixels.columns, &pixels.rows);
-    let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
-    for (row, column) in [(rows.start, columns.start), (rows.start, columns.end - 1)]
-        .into_iter()
-        .chain([(rows.end - 1, columns.start), (rows.end - 1, columns.end - 1)])
-    {
-        let (xs, ys) = at.row(row);
-        let at = ewa.place([xs[column], ys[column]]);
-        for axis in 0..2 {
-            low[axis] = low[axis].min(at[axis] * scale[axis] - RIM);
-            high[axis] = high[axis].max(at[axis] * scale[axis] + RIM);
-        }
-    }
-    let size = [0, 1].map(|axis| (high[axis] - low[axis]) as usize);
-    let small = low[0] <= high[0] && size[0].saturating_mul(size[1]) <= MOST;
-    small.then(|| Part { corner: low.map(|low| low as i32), size }.inside(source))
 }
 
 /// As many of the rows, from the first on, as one part of the level serves; none if that would be too large, or there is
@@ -122,12 +95,12 @@ fn part_of(lines: &[Line]) -> (usize, Option<Part>) {
         let lines = &lines[..count];
         let low = [0, 1].map(|axis| lines.iter().map(|line| line.low[axis]).min().unwrap_or(0));
         let high = [0, 1].map(|axis| lines.iter().map(|line| line.high[axis]).max().unwrap_or(0));
-        let held: usize = lines.iter().map(|line| line.held).sum();
-        if held == 0 {
+        let drawn: usize = lines.iter().map(|line| line.drawn).sum();
+        if drawn == 0 {
             return (count, None);
         }
         let size = [0, 1].map(|axis| (i64::from(high[axis]) - i64::from(low[axis])) as usize);
-        if size[0].saturating_mul(size[1]) <= MOST.min(SPREAD * held) {
+        if size[0].saturating_mul(size[1]) <= MOST.min(SPREAD * drawn) {
             return (count, Some(Part { corner: low, size }));
         }
         if count == 1 {
@@ -156,8 +129,8 @@ struct Line {
     /// What all of them hold.
     low: [i32; 2],
     high: [i32; 2],
-    /// Samples of all ellipses.
-    held: usize,
+    /// How many are drawn.
+    drawn: usize,
 }
 
 impl Line {
@@ -174,12 +147,12 @@ impl Line {
         part: [1.0; WIDTH],
         low: [i32::MAX; 2],
         high: [i32::MIN; 2],
-        held: 0,
+        drawn: 0,
     };
 
     /// The ellipses of a range of a tile's pixels.
     #[inline(always)]
-    fn fill(&mut self, ewa: &Ewa, at: &Located, shapes: &Shapes, pixels: std::ops::Range<usize>, level: usize) {
+    fn fill(&mut self, ewa: &Ewa, at: &Located, shapes: &Shapes, pixels: Range<usize>, level: usize) {
         self.count = pixels.len();
         let (_, _, scale, grown) = ewa.level(level, 0);
         let [major, minor, cos, sin] = shapes.rows(pixels.clone()).map(padded);
@@ -206,16 +179,16 @@ impl Line {
             self.part[i] = if levels[i] == level { parts[i] } else { 1.0 };
         }
         let ([left, top], columns, rows) = (&self.first, &self.columns, &self.rows);
-        let (mut low, mut high, mut held) = ([i32::MAX; 2], [i32::MIN; 2], 0);
+        let (mut low, mut high, mut count) = ([i32::MAX; 2], [i32::MIN; 2], 0);
         for i in 0..WIDTH {
             let drawn = rows[i] > 0;
             low[0] = low[0].min(if drawn { left[i] } else { i32::MAX });
             low[1] = low[1].min(if drawn { top[i] } else { i32::MAX });
             high[0] = high[0].max(if drawn { left[i] + columns[i] } else { i32::MIN });
             high[1] = high[1].max(if drawn { top[i] + rows[i] } else { i32::MIN });
-            held += if drawn { columns[i] * rows[i] } else { 0 };
+            count += i32::from(drawn);
         }
-        (self.low, self.high, self.held) = (low, high, held as usize);
+        (self.low, self.high, self.drawn) = (low, high, count as usize);
     }
 
     /// Draws them, or says that they must be drawn alone.

@@ -5,8 +5,8 @@
 //! that are wide, scattered, or hold a sample that is not finite, one by one.
 
 use super::axes::{Shapes, levels};
-use super::ellipse::{Ellipse, Run, Weights, group_total};
 use super::block::Pixels;
+use super::ellipse::{Ellipse, Run, Weights, group_total};
 use super::ellipses::{Ellipses, ROWS, TOGETHER, Values, WIDTH};
 use super::filter::{CUBIC, Filter};
 use super::filtered::{Blocks, filtered};
@@ -179,10 +179,8 @@ impl Work for Tile<'_, '_, '_> {
     fn run<L: Lanes>(mut self, lanes: L) {
         let (at, first) = (self.at, self.first);
         let mut ellipses = std::mem::take(&mut self.scratch.ellipses);
-        let blocks = blocks(at);
-        for (i, pixels) in blocks.iter().enumerate() {
-            let next = &blocks[(i + 1).min(blocks.len() - 1)];
-            ellipses.draw(lanes, self.ewa, at, &self.scratch.shapes, [pixels, next], first);
+        for pixels in blocks(at) {
+            ellipses.draw(lanes, self.ewa, at, &self.scratch.shapes, &pixels, first);
             for (row, values) in pixels.rows.clone().zip(&ellipses.values) {
                 self.finish(lanes, row, &pixels.columns, values);
             }

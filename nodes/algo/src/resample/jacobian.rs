@@ -1,8 +1,8 @@
 //! How much a map shrinks the picture: at each pixel of a tile, and at most.
 
 use super::Map;
-use super::cell::{Corners, Shape};
 use super::axes::{Axes, Shapes};
+use super::cell::{Corners, Shape};
 use super::locate::Located;
 use super::net::{Net, Place};
 use super::spans::Point;

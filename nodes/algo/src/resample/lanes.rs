@@ -1,13 +1,13 @@
 //! Sixteen lanes that hold two groups of eight: two rows of samples, or twice as much of one. All processors compute the
 //! same bits.
 
+use pulp::{Simd, WithSimd};
 #[cfg(target_arch = "x86_64")]
 use pulp::{
     bytemuck::cast,
     f32x16,
     x86::{V3, V4},
 };
-use pulp::{Simd, WithSimd};
 
 /// Lanes of a group.
 pub(super) const LANES: usize = 8;

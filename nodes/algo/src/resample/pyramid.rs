@@ -3,7 +3,7 @@
 //! A level has a picture's size halved some times, rounded up, and covers the picture exactly: where a side is odd its pixels
 //! are a little smaller. So it begins, ends, and repeats where the picture does.
 
-use super::sample::{Edge, Source};
+use super::sample::Source;
 use crate::poisson::simd::vectorized;
 use crate::rect::Rect;
 use crate::view::View;
@@ -158,19 +158,5 @@ fn whole<const N: usize>(small: &[f32], scale: f32, out: &mut [f32]) {
             sum += sample;
         }
         *out = sum * scale;
-    }
-}
-
-/// A place moved into the picture where it repeats, and whether it was mirrored, so that places are told apart far out.
-/// `size`: the picture's side, px.
-pub(super) fn home(edge: Edge, at: f64, size: usize) -> (f64, bool) {
-    let size = size as f64;
-    match edge {
-        Edge::Transparent | Edge::Clamp => (at, false),
-        Edge::Wrap => (at.rem_euclid(size), false),
-        Edge::Mirror => {
-            let phase = at.rem_euclid(2.0 * size);
-            if phase < size { (phase, false) } else { (2.0 * size - phase, true) }
-        }
     }
 }
