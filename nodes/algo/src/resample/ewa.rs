@@ -1,10 +1,17 @@
 //! The elliptical filter: Cubic where the map does not shrink, else the weighted mean over the ellipse that a pixel
-//! covers ([`ellipse`](super::ellipse)), in a halved picture ([`pyramid`](super::pyramid)) where it shrinks much.
+//! covers ([`ellipse`](super::ellipse)), in a smaller picture ([`pyramid`](super::pyramid)) where it shrinks much.
+//!
+//! Most ellipses are drawn block by block from copies of their part of the source ([`ellipses`](super::ellipses)); those
+//! that are wide, scattered, or hold a sample that is not finite, one by one.
 
-use super::ellipse::{Axes, Eight, Ellipse, LANES, LONGEST, Patch, Run, Weights, total};
+use super::axes::{Shapes, levels};
+use super::block::Pixels;
+use super::ellipse::{Ellipse, Run, Weights, group_total};
+use super::ellipses::{Ellipses, ROWS, TOGETHER, Values, WIDTH};
 use super::filter::{CUBIC, Filter};
 use super::filtered::{Blocks, filtered};
 use super::jacobian::Jacobians;
+use super::lanes::{LANES, Lanes, Work, widest};
 use super::locate::Located;
 use super::pyramid::{self, Level};
 use super::sample::{Edge, Source};
@@ -13,11 +20,10 @@ use super::{Map, not_finite};
 use crate::rect::Rect;
 use crate::view::{View, ViewMut};
 use crate::{Interrupted, Watch};
-use pulp::Simd;
-use pulp::bytemuck::cast;
+use std::ops::Range;
 
 /// Positions farther out than this, px, count as lying here.
-const FARTHEST: f64 = (1_u64 << 27) as f64;
+pub(super) const FARTHEST: f64 = (1_u64 << 27) as f64;
 /// The longest radius of the kernel, in units of the axes.
 const RADIUS: f64 = 1.5;
 
@@ -27,10 +33,10 @@ pub(super) struct Ewa<'a> {
     source: Source,
     clamp: bool,
     planes: &'a [View<'a, f32>],
-    /// The picture halved once, twice, ..
+    /// The picture halved `lowest` times and more; `lowest` is at least 1.
     levels: Vec<Level>,
-    /// Whether the planes have one stride.
-    alike: bool,
+    lowest: usize,
+    top: usize,
     reach: f64,
 }
 
@@ -53,14 +59,14 @@ impl<'a> Ewa<'a> {
             Map::Forward { .. } if edge == Edge::Transparent => grown(&window, 2, 2),
             Map::Forward { .. } => grown(&window, window.width() as i64, window.height() as i64),
         };
-        let [major, minor] = jacobians.greatest(&area, watch)?;
+        let range = jacobians.range(&area, watch)?;
         let most = pyramid::most(&window);
-        let top = (0..most).take_while(|&level| minor > LONGEST * (1_u64 << level) as f64).count();
-        let levels = pyramid::halved(&source, planes, top, watch)?;
+        let [lowest, top] = [levels(range.least, most)[0].max(1), levels(range.minor, most)[1]];
+        let levels = pyramid::halved(&source, planes, [lowest, top], watch)?;
         let farthest = (window.width() + window.height()) as f64;
-        let reach = if major > 1.0 { (RADIUS * major).min(farthest).max(RADIUS) } else { Filter::Cubic.reach() };
-        let alike = planes.iter().all(|plane| plane.samples().1 == planes[0].samples().1);
-        Ok(Self { jacobians, source, clamp, planes, levels, alike, reach })
+        let reach =
+            if range.major > 1.0 { (RADIUS * range.major).min(farthest).max(RADIUS) } else { Filter::Cubic.reach() };
+        Ok(Self { jacobians, source, clamp, planes, levels, lowest, top, reach })
     }
 
     /// How far outside the source window a position gets weight from it, px, at most.
@@ -70,154 +76,189 @@ impl<'a> Ewa<'a> {
 
     /// Gives each pixel of a tile its value; places as in [`nearest`](super::sample::nearest). Returns how many
     /// are not finite.
-    pub fn fill(&self, at: &Located, left: usize, blocks: &mut Blocks, out: &mut [ViewMut<f32>]) -> u64 {
-        let axes = self.jacobians.tile(at);
-        if axes.iter().all(Axes::is_still) {
+    pub fn fill(&self, at: &Located, left: usize, scratch: &mut Scratch, out: &mut [ViewMut<f32>]) -> u64 {
+        let Scratch { shapes, blocks, .. } = scratch;
+        self.jacobians.tile(at, shapes);
+        if shapes.are_still() {
             return filtered(&CUBIC, self.clamp, &self.source, self.planes, at, left, blocks, out);
         }
-        if axes.iter().zip(&at.x).any(|(axes, x)| !x.is_nan() && axes.share() < 1.0) {
+        if shapes.mix() {
             filtered(&CUBIC, self.clamp, &self.source, self.planes, at, left, blocks, out);
         }
-        let mut scratch = Scratch::default();
-        for (row, axes) in axes.chunks(at.width).enumerate() {
-            let mut rows: Vec<_> = out.iter_mut().map(|out| &mut out.row_mut(row)[left..left + at.width]).collect();
-            Row { ewa: self, axes, places: at.row(row), rows: &mut rows, scratch: &mut scratch }.draw();
+        shapes.choose([self.lowest, self.top]);
+        for first in (0..self.planes.len()).step_by(TOGETHER) {
+            let out = &mut out[first..self.planes.len().min(first + TOGETHER)];
+            widest(Tile { ewa: self, at, left, first, scratch, out });
         }
         not_finite(left, at.width, out)
     }
 
-    /// Mixes a pixel's value into the cubic one's.
+    /// The planes of a level, its edges, and how its pixels lie: [`Level::scale`] and [`Level::grown`].
     #[inline(always)]
-    fn pixel<S: Eight>(
-        &self,
-        simd: S,
-        mut axes: Axes,
-        share: f32,
-        at: Point,
-        rows: &mut [&mut [f32]],
-        i: usize,
-        scratch: &mut Scratch,
-    ) {
-        let (level, part) = axes.level(self.levels.len());
-        let (ellipse, center) = self.ellipse(&axes, level, at);
-        let mut done = 0;
-        if self.alike && !self.clamp && part == 1.0 {
-            while done + 4 <= rows.len() {
-                let Some(means) = self.patch::<4>(level, done).means(simd, &ellipse, center) else { break };
-                (0..4).for_each(|plane| mix(&mut rows[done + plane][i], means[plane], share));
-                done += 4;
-            }
-            while done < rows.len() {
-                let Some([mean]) = self.patch::<1>(level, done).means(simd, &ellipse, center) else { break };
-                mix(&mut rows[done][i], mean, share);
-                done += 1;
+    pub fn level(&self, level: usize, plane: usize) -> (View<'_, f32>, &Source, Point, [f32; 2]) {
+        match level.checked_sub(self.lowest) {
+            None => (self.planes[plane], &self.source, [1.0; 2], [1.0; 2]),
+            Some(i) => {
+                let level = &self.levels[i];
+                (level.view(plane), &level.source, level.scale, level.grown)
             }
         }
-        if done == rows.len() {
+    }
+
+    /// Whether values are cut to the range of samples: each is drawn alone.
+    pub fn clamps(&self) -> bool {
+        self.clamp
+    }
+
+    pub fn plane_count(&self) -> usize {
+        self.planes.len()
+    }
+
+    /// A position counted from the window's corner, not too far out.
+    #[inline(always)]
+    pub fn place(&self, at: Point) -> Point {
+        let corner = self.source.corner();
+        [0, 1].map(|axis| (at[axis] - corner[axis]).clamp(-FARTHEST, FARTHEST))
+    }
+
+    /// A pixel's values alone: those of planes from number `first` on at pixel `i` of the tile.
+    #[inline(always)]
+    fn alone<L: Lanes>(
+        &self,
+        lanes: L,
+        shapes: &Shapes,
+        i: usize,
+        at: Point,
+        first: usize,
+        room: &mut Alone,
+    ) -> [f32; TOGETHER] {
+        let [level, before] = [shapes.levels[0][i] as usize, shapes.levels[1][i] as usize];
+        let values = self.means(lanes, shapes, i, at, level, first, room);
+        if level == before {
+            return values;
+        }
+        let finer = self.means(lanes, shapes, i, at, before, first, room);
+        std::array::from_fn(|plane| mixed(finer[plane], values[plane], shapes.part[i]))
+    }
+
+    #[inline(always)]
+    fn means<L: Lanes>(
+        &self,
+        lanes: L,
+        shapes: &Shapes,
+        i: usize,
+        at: Point,
+        level: usize,
+        first: usize,
+        room: &mut Alone,
+    ) -> [f32; TOGETHER] {
+        let (_, source, scale, grown) = self.level(level, 0);
+        let ellipse = Ellipse::new(&shapes.axes(i), level, grown);
+        let [x, y] = self.place(at);
+        room.weights.lay(lanes, &ellipse, [x * scale[0], y * scale[1]]);
+        let mut values = [0.0; TOGETHER];
+        for (value, plane) in values.iter_mut().zip(first..self.planes.len()) {
+            *value = mean(&room.weights, &self.level(level, plane).0, source, self.clamp, &mut room.buffer);
+        }
+        values
+    }
+}
+
+/// A tile of some planes to be drawn, from plane number `first` on.
+struct Tile<'a, 'b, 'c> {
+    ewa: &'a Ewa<'b>,
+    at: &'a Located,
+    left: usize,
+    first: usize,
+    scratch: &'a mut Scratch,
+    out: &'a mut [ViewMut<'c, f32>],
+}
+
+impl Work for Tile<'_, '_, '_> {
+    #[inline(always)]
+    fn run<L: Lanes>(mut self, lanes: L) {
+        let (at, first) = (self.at, self.first);
+        let mut ellipses = std::mem::take(&mut self.scratch.ellipses);
+        for pixels in blocks(at) {
+            ellipses.draw(lanes, self.ewa, at, &self.scratch.shapes, &pixels, first);
+            for (row, values) in pixels.rows.clone().zip(&ellipses.values) {
+                self.finish(lanes, row, &pixels.columns, values);
+            }
+        }
+        self.scratch.ellipses = ellipses;
+    }
+}
+
+impl Tile<'_, '_, '_> {
+    /// Writes a row of a block, and draws alone what must be.
+    #[inline(always)]
+    fn finish<L: Lanes>(&mut self, lanes: L, row: usize, columns: &Range<usize>, values: &Values) {
+        let Self { ewa, at, left, first, scratch, out } = self;
+        let Scratch { shapes, alone, .. } = &mut **scratch;
+        let pixels = row * at.width + columns.start..row * at.width + columns.end;
+        let columns = *left + columns.start..*left + columns.end;
+        if is_plain(shapes, &at.x[pixels.clone()], pixels.start, values) {
+            for (plane, out) in out.iter_mut().enumerate() {
+                let out = &mut out.row_mut(row)[columns.clone()];
+                out.iter_mut().zip(values).for_each(|(out, value)| *out = value[plane]);
+            }
             return;
         }
-        let Scratch { weights: [fine, coarse], buffer } = scratch;
-        coarse.lay(simd, &ellipse, center);
-        if part < 1.0 {
-            let (ellipse, center) = self.ellipse(&axes, level - 1, at);
-            fine.lay(simd, &ellipse, center);
-        }
-        for (plane, row) in rows.iter_mut().enumerate().skip(done) {
-            let mut value = self.value(simd, coarse, level, plane, buffer);
-            if part < 1.0 {
-                value = mixed(self.value(simd, fine, level - 1, plane, buffer), value, part);
+        for (column, (pixel, value)) in columns.zip(pixels.zip(values)) {
+            let (place, share) = ([at.x[pixel], at.y[pixel]], shapes.share(pixel));
+            let mut value = *value;
+            if place[0].is_nan() {
+                out.iter_mut().for_each(|out| out.row_mut(row)[column] = 0.0);
+                continue;
             }
-            mix(&mut row[i], value, share);
-        }
-    }
-
-    /// Planes from `first` on of a level.
-    #[inline(always)]
-    fn patch<const P: usize>(&self, level: usize, first: usize) -> Patch<'_, P> {
-        let view = |plane: usize| match level.checked_sub(1) {
-            None => self.planes[plane],
-            Some(level) => self.levels[level].view(plane),
-        };
-        let (stride, size) = (view(first).samples().1, [view(first).width(), view(first).height()]);
-        Patch { planes: std::array::from_fn(|plane| view(first + plane).samples().0), stride, size }
-    }
-
-    /// The ellipse of a place in a level, and its centre there.
-    #[inline(always)]
-    fn ellipse(&self, axes: &Axes, level: usize, at: Point) -> (Ellipse, Point) {
-        if level == 0 {
-            return (Ellipse::new(axes, 0, false), at);
-        }
-        let (Source { window, edge }, scale) = (&self.source, 1.0 / (1_u64 << level) as f64);
-        let (x, flop) = pyramid::home(*edge, at[0], window.width());
-        let (y, flip) = pyramid::home(*edge, at[1], window.height());
-        (Ellipse::new(axes, level, flop != flip), [x * scale, y * scale])
-    }
-
-    /// The weighted mean of a plane's samples.
-    #[inline(always)]
-    fn value<S: Eight>(&self, simd: S, weights: &Weights, level: usize, plane: usize, buffer: &mut Vec<f32>) -> f32 {
-        match level.checked_sub(1).map(|level| &self.levels[level]) {
-            None => mean(simd, weights, &self.planes[plane], &self.source, self.clamp, buffer),
-            Some(level) => mean(simd, weights, &level.view(plane), &level.source, self.clamp, buffer),
-        }
-    }
-}
-
-/// A row of a tile to be drawn.
-struct Row<'a, 'b> {
-    ewa: &'a Ewa<'a>,
-    axes: &'a [Axes],
-    places: (&'a [f64], &'a [f64]),
-    rows: &'a mut [&'b mut [f32]],
-    scratch: &'a mut Scratch,
-}
-
-impl Row<'_, '_> {
-    fn draw(self) {
-        #[cfg(target_arch = "x86_64")]
-        if let Some(simd) = pulp::x86::V3::try_new() {
-            return Simd::vectorize(simd, With { simd, row: self });
-        }
-        self.draw_with(pulp::Scalar256b);
-    }
-
-    #[inline(always)]
-    fn draw_with<S: Eight>(self, simd: S) {
-        let Self { ewa, axes, places: (xs, ys), rows, scratch } = self;
-        let corner = ewa.source.corner();
-        for (i, (axes, (&x, &y))) in axes.iter().zip(xs.iter().zip(ys)).enumerate() {
-            let share = axes.share();
-            if x.is_nan() {
-                rows.iter_mut().for_each(|row| row[i] = 0.0);
-            } else if share > 0.0 {
-                let at = [x - corner[0], y - corner[1]].map(|at| at.clamp(-FARTHEST, FARTHEST));
-                ewa.pixel(simd, *axes, share, at, rows, i, scratch);
+            if share > 0.0 && !value[..out.len()].iter().all(|value| value.is_finite()) {
+                value = ewa.alone(lanes, shapes, pixel, place, *first, alone);
+            }
+            if share > 0.0 {
+                out.iter_mut().zip(value).for_each(|(out, value)| mix(&mut out.row_mut(row)[column], value, share));
             }
         }
     }
 }
 
-/// A row and the lanes to draw it with: all of the work is compiled for their processor.
-struct With<'a, 'b, S> {
-    simd: S,
-    row: Row<'a, 'b>,
+/// The blocks of a tile, row by row.
+fn blocks(at: &Located) -> Vec<Pixels> {
+    let range = |start: usize, count: usize, step: usize| start..count.min(start + step);
+    let columns = || (0..at.width).step_by(WIDTH).map(|start| range(start, at.width, WIDTH));
+    let rows = (0..at.height()).step_by(ROWS).map(|start| range(start, at.height(), ROWS));
+    rows.flat_map(|rows| columns().map(move |columns| Pixels { columns, rows: rows.clone() })).collect()
 }
 
-impl<S: Eight> pulp::WithSimd for With<'_, '_, S> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<T: Simd>(self, _: T) {
-        self.row.draw_with(self.simd);
+/// Whether all values of a row of a block stand as they are.
+#[inline(always)]
+fn is_plain(shapes: &Shapes, xs: &[f64], first: usize, values: &Values) -> bool {
+    let (mut wild, mut missing) = ([0.0; LANES], 0.0);
+    for values in values.as_flattened()[..xs.len() * TOGETHER].chunks_exact(TOGETHER) {
+        for lane in 0..TOGETHER {
+            // NaN if the value is not finite, else a zero.
+            wild[lane] += values[lane] * 0.0;
+        }
     }
+    for x in xs {
+        missing += x * 0.0;
+    }
+    !wild.iter().any(|wild| wild.is_nan()) && !f64::is_nan(missing) && !shapes.mix_in(first..first + xs.len())
 }
 
-/// What a thread reuses from pixel to pixel.
+/// What a thread reuses from tile to tile.
 #[derive(Default)]
-struct Scratch {
-    /// Of a level and the one before it.
-    weights: [Weights; 2],
+pub(super) struct Scratch {
+    shapes: Shapes,
+    /// For Cubic.
+    blocks: Blocks,
+    ellipses: Ellipses,
+    alone: Alone,
+}
+
+/// What it reuses from pixel to pixel drawn alone.
+#[derive(Default)]
+struct Alone {
+    weights: Weights,
     buffer: Vec<f32>,
 }
 
@@ -233,7 +274,7 @@ fn mix(value: &mut f32, to: f32, share: f32) {
 
 /// A NaN's payload depends on how the compiler orders operands; this takes it away.
 #[inline(always)]
-fn mixed(from: f32, to: f32, part: f32) -> f32 {
+pub(super) fn mixed(from: f32, to: f32, part: f32) -> f32 {
     let value = from + part * (to - from);
     if value.is_nan() { f32::NAN } else { value }
 }
@@ -241,16 +282,9 @@ fn mixed(from: f32, to: f32, part: f32) -> f32 {
 /// The weighted mean of a plane's samples; samples of weight zero are not read. With `clamp` no less than the least and
 /// no more than the greatest of those of positive weight.
 #[inline(always)]
-fn mean<S: Eight>(
-    simd: S,
-    weights: &Weights,
-    plane: &View<f32>,
-    source: &Source,
-    clamp: bool,
-    buffer: &mut Vec<f32>,
-) -> f32 {
+fn mean(weights: &Weights, plane: &View<f32>, source: &Source, clamp: bool, buffer: &mut Vec<f32>) -> f32 {
     if !clamp && weights.lie_in(plane.width(), plane.height()) {
-        let value = inner_mean(simd, weights, plane);
+        let value = inner_mean(weights, plane);
         if value.is_finite() {
             return value;
         }
@@ -260,27 +294,22 @@ fn mean<S: Eight>(
 
 /// Where all runs lie in the plane, and all samples are finite.
 #[inline(always)]
-fn inner_mean<S: Eight>(simd: S, weights: &Weights, plane: &View<f32>) -> f32 {
+fn inner_mean(weights: &Weights, plane: &View<f32>) -> f32 {
     let (samples, stride) = plane.samples();
-    let mut sums = simd.splat_f32s(0.0);
-    let mut add = |weights: &[f32; LANES], samples: &[f32; LANES]| {
-        sums = simd.add_f32s(sums, simd.mul_f32s(cast(*weights), cast(*samples)));
-    };
-    let runs = weights.runs.iter().map(|run| (&samples[run.row as usize * stride + run.first as usize..], run.groups));
-    if weights.runs.len() == weights.groups.len() {
-        for ((samples, _), weights) in runs.zip(&weights.groups) {
-            add(weights, samples.first_chunk().expect("the run lies in the plane"));
-        }
-    } else {
-        let mut rest = &weights.groups[..];
-        for (samples, groups) in runs {
-            let (run, others) = rest.split_at(groups);
-            rest = others;
-            run.iter().zip(samples.as_chunks().0).for_each(|(weights, samples)| add(weights, samples));
+    let mut sums = [0.0; LANES];
+    let mut rest = &weights.groups[..];
+    for run in &weights.runs {
+        let samples = &samples[run.row as usize * stride + run.first as usize..];
+        let (groups, others) = rest.split_at(run.groups);
+        rest = others;
+        for (weights, samples) in groups.iter().zip(samples.as_chunks::<LANES>().0) {
+            for lane in 0..LANES {
+                sums[lane] += weights[lane] * samples[lane];
+            }
         }
     }
     // Never minus zero.
-    total(cast(sums)) / weights.sum + 0.0
+    group_total(sums) / weights.sum + 0.0
 }
 
 /// Anywhere, whatever the samples.
@@ -304,7 +333,7 @@ fn careful_mean(weights: &Weights, plane: &View<f32>, source: &Source, clamp: bo
         }
     }
     // Never minus zero.
-    let value = total(sums) / weights.sum + 0.0;
+    let value = group_total(sums) / weights.sum + 0.0;
     let low = range[0].into_iter().fold(f32::INFINITY, f32::min);
     let high = range[1].into_iter().fold(f32::NEG_INFINITY, f32::max);
     let value = if clamp && value < low { low } else { value };

@@ -1,11 +1,12 @@
 //! How much a map shrinks the picture: at each pixel of a tile, and at most.
 
 use super::Map;
+use super::axes::{Axes, Shapes};
 use super::cell::{Corners, Shape};
-use super::ellipse::Axes;
 use super::locate::Located;
 use super::net::{Net, Place};
 use super::spans::Point;
+use crate::poisson::simd::vectorized;
 use crate::rect::Rect;
 use crate::{Interrupted, Watch};
 use rayon::prelude::*;
@@ -44,33 +45,26 @@ impl<'a> Jacobians<'a> {
         }
     }
 
-    /// The axes at each pixel of a tile, row-major; [`Axes::UNIT`] where nothing is drawn.
-    pub fn tile(&self, at: &Located) -> Vec<Axes> {
-        let mut axes = Vec::with_capacity(at.x.len());
+    /// The axes at each pixel of a tile; [`Axes::UNIT`] where nothing is drawn.
+    pub fn tile(&self, at: &Located, shapes: &mut Shapes) {
+        shapes.resize(at.x.len());
         if self.is_forward {
             let mut last = None;
-            axes.extend(at.x.iter().zip(&at.y).map(|(&x, &y)| self.at_source([x, y], &mut last)));
-        } else {
-            let [left, top] = at.corner;
-            let centers: Vec<Place> = (0..at.width as i64).map(|x| self.net.center(0, left + x)).collect();
-            let sides: Vec<Place> = (0..=at.width as i64).map(|x| self.net.place(0, (left + x) as f64)).collect();
-            (0..at.height() as i64).for_each(|y| self.across(&centers, &sides, top + y, &mut axes));
+            for (i, (&x, &y)) in at.x.iter().zip(&at.y).enumerate() {
+                shapes.set(i, self.at_source([x, y], &mut last));
+            }
+            return;
         }
-        axes
-    }
-
-    /// Appends a row's axes of a backward map: the differences between the middles of a pixel's sides.
-    fn across(&self, centers: &[Place], sides: &[Place], row: i64, axes: &mut Vec<Axes>) {
-        let net = &self.net;
-        let [above, below] = [row, row + 1].map(|y| net.place(1, y as f64));
-        let middle = net.center(1, row);
-        let mut left = net.position(sides[0], middle);
-        axes.extend(centers.iter().zip(&sides[1..]).map(|(&center, &side)| {
-            let right = net.position(side, middle);
-            let e = minus(right, left);
-            left = right;
-            Axes::of([e, minus(net.position(center, below), net.position(center, above))])
-        }));
+        let mut lines = Lines::new(&self.net, at);
+        vectorized(
+            #[inline(always)]
+            || {
+                for row in 0..at.height() {
+                    lines.next(&self.net, at.corner[1] + row as i64);
+                    lines.axes(shapes.rows_mut(row * at.width..(row + 1) * at.width));
+                }
+            },
+        );
     }
 
     /// The axes at a place of the source of a forward map; `last`: the cell looked at last.
@@ -92,13 +86,14 @@ impl<'a> Jacobians<'a> {
     /// The greatest axes, px, that the corners of the cells overlapping `area` have: of the source for a forward map,
     /// of the destination for a backward one; border cells are stretched to hold it.
     ///
-    /// A Jacobian is bilinear in a cell and its inverse's norm quasiconvex, so the major axis is exact.
-    pub fn greatest(&self, area: &Rect, watch: Watch) -> Result<[f64; 2], Interrupted> {
+    /// A Jacobian is bilinear in a cell and its inverse's norm quasiconvex, so the major axis is exact. And what the minor
+    /// axis is at least in the cells: a cell's least determinant, which is at a corner, over its longest major axis.
+    pub fn range(&self, area: &Rect, watch: Watch) -> Result<Range, Interrupted> {
         let columns = self.stops(0, [area.x0, area.x1]);
         let rows = self.stops(1, [area.y0, area.y1]);
         let line = |row: &Stop| columns.iter().map(|column| self.net.position(column.place, row.place)).collect();
         let chunks = (0..rows.len() - 1).into_par_iter().step_by(ROWS).map(|first| {
-            let mut greatest = [0.0; 2];
+            let mut range = Range::EMPTY;
             let mut upper: Vec<Point> = line(&rows[first]);
             for pair in rows[first..].windows(2).take(ROWS) {
                 watch.go_on()?;
@@ -106,24 +101,29 @@ impl<'a> Jacobians<'a> {
                 let height = pair[1].at - pair[0].at;
                 for (i, stops) in columns.windows(2).enumerate() {
                     let corners = [upper[i], upper[i + 1], lower[i + 1], lower[i]];
-                    self.corners(&corners, [stops[1].at - stops[0].at, height], &mut greatest);
+                    self.corners(&corners, [stops[1].at - stops[0].at, height], &mut range);
                 }
                 upper = lower;
             }
-            Ok(greatest)
+            Ok(range)
         });
-        chunks.try_reduce(|| [0.0; 2], |a, b| Ok([a[0].max(b[0]), a[1].max(b[1])]))
+        chunks.try_reduce(|| Range::EMPTY, |a, b| Ok(a.with(&b)))
     }
 
-    /// Raises `greatest` to the axes at a cell's corners.
-    fn corners(&self, corners: &Corners, [width, height]: [f64; 2], greatest: &mut [f64; 2]) {
+    /// Widens the range to the axes in a cell.
+    fn corners(&self, corners: &Corners, [width, height]: [f64; 2], range: &mut Range) {
         let [top, right, bottom, left] = sides(corners);
+        let (mut cell, mut least, mut signs) = (Range::EMPTY, f64::INFINITY, [false; 2]);
         for e in [top, bottom].map(|e| over(e, width)) {
             for f in [left, right].map(|f| over(f, height)) {
                 let axes = Axes::of(if self.is_forward { inverse([e, f]) } else { [e, f] });
-                *greatest = [greatest[0].max(axes.major()), greatest[1].max(axes.minor())];
+                cell = cell.with(&Range { major: axes.major(), minor: axes.minor(), least: f64::INFINITY });
+                least = least.min(axes.major() * axes.minor());
+                signs[usize::from(e[0] * f[1] > e[1] * f[0])] = true;
             }
         }
+        let least = if signs == [true; 2] { 0.0 } else { least };
+        *range = range.with(&Range { least: least / cell.major, ..cell });
     }
 
     /// The ends of the cells along an axis that overlap a range.
@@ -137,6 +137,140 @@ impl<'a> Jacobians<'a> {
             at => Stop { at, place: Place::at_node(node) },
         };
         (first..=end + 1).map(stop).collect()
+    }
+}
+
+/// Where a backward map sends the middles of the sides of a row's pixels: x, then y.
+struct Lines {
+    /// Of the pixels' centres and of their left and right sides along x.
+    centers: Columns,
+    sides: Columns,
+    /// The first of the lattice's columns they need.
+    first: usize,
+    nodes: Vec<f64>,
+    /// Of the left and right sides.
+    middle: [Vec<f64>; 2],
+    /// Of the sides above and below.
+    above: [Vec<f64>; 2],
+    below: [Vec<f64>; 2],
+}
+
+impl Lines {
+    /// Above the first row of a tile.
+    fn new(net: &Net, at: &Located) -> Self {
+        let [left, top] = at.corner;
+        let centers: Vec<Place> = (0..at.width as i64).map(|x| net.center(0, left + x)).collect();
+        let sides: Vec<Place> = (0..=at.width as i64).map(|x| net.place(0, (left + x) as f64)).collect();
+        let needed = || centers.iter().chain(&sides).flat_map(|place| [place.node, place.next]);
+        let first = needed().min().unwrap_or(0);
+        let nodes = vec![0.0; needed().max().map_or(0, |last| last + 1 - first)];
+        let line = |count: usize| [vec![0.0; count], vec![0.0; count]];
+        let [middle, above, below] = [line(sides.len()), line(centers.len()), line(centers.len())];
+        let (centers, sides) = (Columns::new(&centers, first), Columns::new(&sides, first));
+        let mut lines = Self { centers, sides, first, nodes, middle, above, below };
+        lines.lower(net, top);
+        lines
+    }
+
+    /// Goes on to a row, the one below the last.
+    #[inline(always)]
+    fn next(&mut self, net: &Net, y: i64) {
+        std::mem::swap(&mut self.above, &mut self.below);
+        let place = net.center(1, y);
+        for axis in 0..2 {
+            row(net, axis, place, self.first, &mut self.nodes);
+            self.sides.blend(&self.nodes, &mut self.middle[axis]);
+        }
+        self.lower(net, y + 1);
+    }
+
+    /// The axes of the row gone on to: of the differences between the middles of a pixel's sides.
+    #[inline(always)]
+    fn axes(&self, [major, minor, cos, sin]: [&mut [f32]; 4]) {
+        let count = major.len();
+        let [[x, y], [above_x, above_y], [below_x, below_y]] =
+            [&self.middle, &self.above, &self.below].map(|line| line.each_ref().map(|line| &line[..count]));
+        let [next_x, next_y] = self.middle.each_ref().map(|line| &line[1..count + 1]);
+        let (minor, cos, sin) = (&mut minor[..count], &mut cos[..count], &mut sin[..count]);
+        for i in 0..count {
+            let f = [below_x[i] - above_x[i], below_y[i] - above_y[i]];
+            let axes = Axes::of([[next_x[i] - x[i], next_y[i] - y[i]], f]);
+            (major[i], minor[i]) = (axes.squares[0], axes.squares[1]);
+            (cos[i], sin[i]) = (axes.twice[0], axes.twice[1]);
+        }
+    }
+
+    /// Sets `below` to the upper side of a row.
+    #[inline(always)]
+    fn lower(&mut self, net: &Net, y: i64) {
+        let place = net.place(1, y as f64);
+        for axis in 0..2 {
+            row(net, axis, place, self.first, &mut self.nodes);
+            self.centers.blend(&self.nodes, &mut self.below[axis]);
+        }
+    }
+}
+
+/// Places along a line of nodes.
+struct Columns {
+    steps: Vec<f64>,
+    /// Where runs of places between the same two nodes end, and those nodes.
+    runs: Vec<(usize, [usize; 2])>,
+}
+
+impl Columns {
+    /// `first`: the first of the nodes.
+    fn new(places: &[Place], first: usize) -> Self {
+        let nodes = |place: &Place| [place.node - first, place.next - first];
+        let mut end = 0;
+        let runs = places.chunk_by(|a, b| nodes(a) == nodes(b)).map(|run| {
+            end += run.len();
+            (end, nodes(&run[0]))
+        });
+        Self { runs: runs.collect(), steps: places.iter().map(|place| place.t).collect() }
+    }
+
+    /// One coordinate at the places.
+    #[inline(always)]
+    fn blend(&self, nodes: &[f64], out: &mut [f64]) {
+        let mut start = 0;
+        for &(end, [node, next]) in &self.runs {
+            let (from, step) = (nodes[node], nodes[next] - nodes[node]);
+            for (out, t) in out[start..end].iter_mut().zip(&self.steps[start..end]) {
+                *out = from + t * step;
+            }
+            start = end;
+        }
+    }
+}
+
+/// One coordinate of the map on the line at `place`, at the columns of nodes from `first` on.
+#[inline(always)]
+fn row(net: &Net, axis: usize, place: Place, first: usize, out: &mut [f64]) {
+    let values = [&net.positions.x, &net.positions.y][axis];
+    let [here, next] = [place.node, place.next].map(|row| &values[row * net.lattice.nodes[0] + first..][..out.len()]);
+    for ((out, &here), &next) in out.iter_mut().zip(here).zip(next) {
+        *out = place.blend(here, next);
+    }
+}
+
+/// The greatest axes, px, and how long the minor axis is at least.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Range {
+    pub major: f64,
+    pub minor: f64,
+    pub least: f64,
+}
+
+impl Range {
+    const EMPTY: Self = Self { major: 0.0, minor: 0.0, least: f64::INFINITY };
+
+    fn with(&self, other: &Self) -> Self {
+        Self {
+            major: self.major.max(other.major),
+            minor: self.minor.max(other.minor),
+            least: self.least.min(other.least),
+        }
     }
 }
 

@@ -16,15 +16,18 @@
 //! With the other edges it reaches 64 times the width plus height of the rectangle around the destination
 //! window and the lattice's border nodes: all of the destination, where the map does not shrink more than that.
 
+mod axes;
 mod block;
 mod bounds;
 mod cell;
 mod ellipse;
+mod ellipses;
 mod ewa;
 mod filter;
 mod filtered;
 mod forward;
 mod jacobian;
+mod lanes;
 mod locate;
 mod net;
 mod pixels;
@@ -107,9 +110,11 @@ pub struct Drawn {
 /// Cubic is drawn, bit for bit; from a = 5/4 on the weighted mean over the ellipse; between them a smooth mix. A sample at
 /// the distance r from the centre, in units of the axes, weighs `(1 - u)^2 (1 - c u)`, u = (r / R)^2 < 1, over the sum,
 /// with R = 5/6 + 2 / 3b, and c such that the second moments are those of the pixel itself. Where b > 4 the samples
-/// are those of the source halved until b <= 4, smoothly mixed with the level before while b is at most 5 there. How often
-/// it is halved is decided at the corners of the map's cells; pixels that shrink more than these, on a continuation far
-/// out, take an ellipse of the last level's reach. With `clamp_ringing` the range is that of samples of positive weight.
+/// are means of 2 x 2 pixels of the source, where b > 6 of 4 x 4, where b > 12 of 8 x 8 and so on; each change is a smooth mix
+/// that ends at 5/4 of where it starts. Where the source has odd sides these pixels are a little smaller, so that they
+/// cover it exactly and repeat where it does. Which sizes are made is decided at the corners of the map's cells;
+/// pixels that shrink more than these, on a continuation far out, take an ellipse of the last one's reach. With
+/// `clamp_ringing` the range is that of samples of positive weight.
 ///
 /// - `map`: the warp; one position per node, nodes may be non-finite (see the module's text).
 /// - `source_window`: the pixels that `planes` hold.
@@ -125,8 +130,9 @@ pub struct Drawn {
 /// written.
 ///
 /// Cost: linear in the cells and in the destination's pixels times planes; for Ewa times the samples of an ellipse,
-/// some 17 where a = b = 2, 50 where a = b = 4, and 1200 at most; halving reads the source once and asks `watch` for a third
-/// of its size. Bands of 64 rows go side by side; the result does not depend on how many.
+/// some 17 where a = b = 2, 50 where a = b = 4, and 1200 at most, planes taken four at a time; making the source smaller reads
+/// it once and asks `watch` for a third of its size at most. Bands of 64 rows go side by side; the result does not depend
+/// on how many.
 ///
 /// Keys' cubic: R. Keys, "Cubic convolution interpolation for digital image processing", IEEE Trans. ASSP 29, 1981,
 /// equation 15. Mitchell's: D. Mitchell and A. Netravali, "Reconstruction filters in computer graphics", SIGGRAPH
@@ -148,8 +154,9 @@ pub fn draw(
     assert_sources(planes, source_window, out.len());
     if filter == Filter::Ewa {
         let ewa = Ewa::new(map, source, dst_window, clamp, planes, watch)?;
-        let fill =
-            |blocks: &mut Blocks, at: &Located, left: usize, out: &mut [ViewMut<f32>]| ewa.fill(at, left, blocks, out);
+        let fill = |room: &mut ewa::Scratch, at: &Located, left: usize, out: &mut [ViewMut<f32>]| {
+            ewa.fill(at, left, room, out)
+        };
         return draw_bands(map, &source, dst_window, ewa.reach(), out, watch, fill);
     }
     let fill = |blocks: &mut Blocks, at: &Located, left: usize, out: &mut [ViewMut<f32>]| match filter {

@@ -1,20 +1,33 @@
-//! A picture halved again and again.
+//! A picture made smaller by powers of two.
+//!
+//! A level has a picture's size halved some times, rounded up, and covers the picture exactly: where a side is odd its pixels
+//! are a little smaller. So it begins, ends, and repeats where the picture does.
 
-use super::sample::{Edge, Source};
+use super::sample::Source;
+use crate::poisson::simd::vectorized;
 use crate::rect::Rect;
 use crate::view::View;
 use crate::{Interrupted, Watch};
 use rayon::prelude::*;
 
-/// A picture halved some times: pixel (i, j) is the mean of the samples of a square of the picture.
+/// Samples added up between fetches.
+const CHUNK: usize = 128;
+
+/// A picture made smaller: a pixel is the mean of the samples it covers.
 pub(super) struct Level {
     pub source: Source,
-    planes: Vec<Vec<f32>>,
+    /// Level pixels per px.
+    pub scale: [f64; 2],
+    /// How much smaller its pixels are than 2^level px.
+    pub grown: [f32; 2],
+    /// All planes.
+    samples: Vec<f32>,
 }
 
 impl Level {
     pub fn view(&self, plane: usize) -> View<'_, f32> {
-        View::packed(&self.planes[plane], self.source.window.width(), self.source.window.height())
+        let [width, height] = [self.source.window.width(), self.source.window.height()];
+        View::packed(&self.samples[plane * width * height..][..width * height], width, height)
     }
 }
 
@@ -26,81 +39,124 @@ pub(super) fn most(window: &Rect) -> usize {
     window.width().max(window.height()).next_power_of_two().trailing_zeros() as usize
 }
 
-/// The picture halved 1 to `top` times. Where a side is odd the last pixels take their other half from beyond the
-/// edge. A mean in which a sample is NaN is NaN.
+/// The picture halved `lowest` to `top` times, at least once; the first is made from the picture itself, the others from
+/// the one before. A mean in which a sample is NaN is NaN.
 ///
 /// Asks for a third of the picture's memory at most.
 pub(super) fn halved(
     source: &Source,
     planes: &[View<f32>],
-    top: usize,
+    [lowest, top]: [usize; 2],
     watch: Watch,
 ) -> Result<Vec<Level>, Interrupted> {
-    let sides = |level: usize| [source.window.width(), source.window.height()].map(|side| side.div_ceil(1 << level));
-    let pixels: usize = (1..=top).map(|level| sides(level).iter().product::<usize>()).sum();
+    let whole = [source.window.width(), source.window.height()];
+    let sides = |level: usize| whole.map(|side| side.div_ceil(1 << level));
+    let range = lowest.max(1)..=top;
+    let pixels: usize = range.clone().map(|level| sides(level).iter().product::<usize>()).sum();
     watch.reserve(pixels * planes.len() * size_of::<f32>())?;
     let mut levels: Vec<Level> = Vec::with_capacity(top);
-    for level in 1..=top {
-        let [width, height] = sides(level);
-        let window = Rect::new(0, 0, width as i64, height as i64);
-        let halves = (0..planes.len()).map(|plane| match levels.last() {
-            None => half(&planes[plane], source, [width, height], watch),
-            Some(larger) => half(&larger.view(plane), &larger.source, [width, height], watch),
-        });
-        let planes = halves.collect::<Result<_, _>>()?;
-        levels.push(Level { source: Source { window, ..*source }, planes });
+    for level in range {
+        let size = sides(level);
+        let samples = match levels.last() {
+            None => smaller(planes, size, watch)?,
+            Some(larger) => {
+                let planes: Vec<_> = (0..planes.len()).map(|plane| larger.view(plane)).collect();
+                smaller(&planes, size, watch)?
+            }
+        };
+        let scale = [0, 1].map(|axis| size[axis] as f64 / whole[axis] as f64);
+        let grown = scale.map(|scale| (scale * (1_u64 << level) as f64) as f32);
+        let window = Rect::new(0, 0, size[0] as i64, size[1] as i64);
+        levels.push(Level { source: Source { window, ..*source }, scale, grown, samples });
     }
     Ok(levels)
 }
 
-/// One plane halved.
-fn half(
-    plane: &View<f32>,
-    source: &Source,
-    [width, height]: [usize; 2],
-    watch: Watch,
-) -> Result<Vec<f32>, Interrupted> {
-    let mut out = vec![0.0; width * height];
-    out.par_chunks_mut(width).enumerate().try_for_each(|(y, out)| {
+/// All planes, of one size, made smaller: rows are added up first, then neighbours in the sum.
+fn smaller(planes: &[View<f32>], [width, height]: [usize; 2], watch: Watch) -> Result<Vec<f32>, Interrupted> {
+    let mut out = vec![0.0; planes.len() * width * height];
+    out.par_chunks_mut(width).enumerate().try_for_each_init(Vec::new, |sums: &mut Vec<f32>, (line, out)| {
         watch.go_on()?;
-        let [upper, lower] = [2 * y, 2 * y + 1].map(|y| source.row(y as i32).map(|y| plane.row(y)));
-        // The first row of a pair always lies inside.
-        let upper = upper.unwrap_or_default();
-        row(upper, lower, source, out);
+        let plane = &planes[line / height];
+        let across = Cover::new(plane.width(), width);
+        let down = Cover::new(plane.height(), height);
+        sums.resize(plane.width(), 0.0);
+        vectorized(
+            #[inline(always)]
+            || {
+                sums.fill(0.0);
+                for (row, weight) in down.parts(line % height) {
+                    add(sums, plane.row(row), plane.row((row + 1).min(plane.height() - 1)), weight);
+                }
+                across.means(sums, 1.0 / (across.step * down.step) as f32, out);
+            },
+        );
         Ok(())
     })?;
     Ok(out)
 }
 
-/// One row of means, `lower` being all zeros if missing.
-fn row(upper: &[f32], lower: Option<&[f32]>, source: &Source, out: &mut [f32]) {
-    let mean = |[a, b]: [f32; 2], [c, d]: [f32; 2]| ((a + b) + (c + d)) * 0.25;
-    let (pairs, odd) = upper.as_chunks::<2>();
-    match lower {
-        Some(lower) => {
-            let lower = lower.as_chunks::<2>().0;
-            out.iter_mut().zip(pairs.iter().zip(lower)).for_each(|(out, (&a, &b))| *out = mean(a, b));
+/// Adds a row, and has the memory bring the next one.
+#[inline(always)]
+fn add(sums: &mut [f32], row: &[f32], next: &[f32], weight: f32) {
+    for ((sums, row), next) in sums.chunks_mut(CHUNK).zip(row.chunks(CHUNK)).zip(next.chunks(CHUNK)) {
+        #[cfg(target_arch = "x86_64")]
+        super::simd::fetch(next);
+        #[cfg(not(target_arch = "x86_64"))]
+        let _ = next;
+        for (sum, sample) in sums.iter_mut().zip(row) {
+            *sum += weight * sample;
         }
-        None => out.iter_mut().zip(pairs).for_each(|(out, &a)| *out = mean(a, [0.0; 2])),
-    }
-    if !odd.is_empty() {
-        let last = upper.len() - 1;
-        let beyond = source.column(last as i32 + 1);
-        let pair = |row: &[f32]| [row[last], beyond.map_or(0.0, |column| row[column])];
-        out[last / 2] = mean(pair(upper), lower.map_or([0.0; 2], pair));
     }
 }
 
-/// A place moved into the picture where it repeats, and whether it was mirrored: a level of a picture with an odd side
-/// would else repeat at another distance. `size`: the picture's side, px.
-pub(super) fn home(edge: Edge, at: f64, size: usize) -> (f64, bool) {
-    let size = size as f64;
-    match edge {
-        Edge::Transparent | Edge::Clamp => (at, false),
-        Edge::Wrap => (at.rem_euclid(size), false),
-        Edge::Mirror => {
-            let phase = at.rem_euclid(2.0 * size);
-            if phase < size { (phase, false) } else { (2.0 * size - phase, true) }
+/// Pixels that cover smaller ones.
+#[derive(Clone, Copy)]
+struct Cover {
+    count: usize,
+    /// Smaller ones in one.
+    step: f64,
+}
+
+impl Cover {
+    fn new(small: usize, count: usize) -> Self {
+        Self { count: small, step: small as f64 / count as f64 }
+    }
+
+    /// The smaller pixels that one covers, and how much of each.
+    #[inline(always)]
+    fn parts(self, at: usize) -> impl Iterator<Item = (usize, f32)> {
+        let (start, end) = (at as f64 * self.step, ((at + 1) as f64 * self.step).min(self.count as f64));
+        let parts = start as usize..(end.ceil() as usize).min(self.count);
+        let part = move |i: usize| (i, ((i as f64 + 1.0).min(end) - (i as f64).max(start)) as f32);
+        // What rounding makes of nothing is nothing.
+        parts.map(part).filter(|&(_, part)| part > 1e-6)
+    }
+
+    /// The weighted sums of the smaller pixels, times `scale`.
+    #[inline(always)]
+    fn means(self, small: &[f32], scale: f32, out: &mut [f32]) {
+        match self.step {
+            2.0 => whole::<2>(small, scale, out),
+            4.0 => whole::<4>(small, scale, out),
+            8.0 => whole::<8>(small, scale, out),
+            _ => {
+                for (i, out) in out.iter_mut().enumerate() {
+                    *out = self.parts(i).fold(0.0, |sum, (i, part)| sum + part * small[i]) * scale;
+                }
+            }
         }
+    }
+}
+
+/// The sums of N neighbours, times `scale`.
+#[inline(always)]
+fn whole<const N: usize>(small: &[f32], scale: f32, out: &mut [f32]) {
+    for (out, small) in out.iter_mut().zip(small.as_chunks::<N>().0) {
+        let mut sum = small[0];
+        for sample in &small[1..] {
+            sum += sample;
+        }
+        *out = sum * scale;
     }
 }
