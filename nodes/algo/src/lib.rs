@@ -24,6 +24,7 @@ pub mod poisson;
 pub mod rect;
 pub mod resample;
 mod room;
+mod simd;
 pub mod similarity;
 mod steps;
 pub mod transfer;

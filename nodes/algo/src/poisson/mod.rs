@@ -6,7 +6,6 @@
 
 mod direct;
 mod multigrid;
-pub(crate) mod simd;
 mod sine;
 mod substitute;
 
@@ -14,12 +13,12 @@ mod substitute;
 mod tests;
 
 use crate::lattice::is_on_border;
+use crate::simd::vectorized;
 use crate::{Interrupted, Watch};
 use direct::Cholesky;
 use faer::sparse::FaerError;
 use multigrid::Multigrid;
 use rayon::prelude::*;
-use simd::vectorized;
 use sine::Sine;
 
 /// Solutions are refined once when their relative residual is above this. Below it a million nodes of a weight-10

@@ -1,6 +1,6 @@
 //! Forward and backward substitution with a supernodal Cholesky factor for two right-hand sides.
 
-use super::simd::vectorized;
+use crate::simd::vectorized;
 use faer::sparse::linalg::cholesky::supernodal::SymbolicSupernodalCholesky;
 
 /// Columns of the factor taken together.

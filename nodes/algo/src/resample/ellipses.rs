@@ -20,6 +20,9 @@ const MOST: usize = 1 << 17;
 /// Up to how often a copy may hold more than the ellipses do.
 const SPREAD: usize = 2;
 
+/// A copy of a part of a level, and its first sample's column and row.
+type Copied<'a> = ([i32; 2], Samples<'a, TOGETHER>);
+
 /// The values of a row of a block.
 pub(super) type Values = [[f32; TOGETHER]; WIDTH];
 
@@ -80,9 +83,10 @@ impl Ellipses {
         // Where there are fewer, the last one fills up.
         let last = ewa.plane_count() - 1;
         let planes: [_; TOGETHER] = std::array::from_fn(|i| ewa.level(level, last.min(first + i)).0);
-        let samples = part.map(|part| self.block.load(ewa.level(level, 0).1, planes, part));
+        let mut supply = part.map(|part| self.block.supply(ewa.level(level, 0).1, planes, part, None));
+        let copy = supply.as_mut().map(|supply| (supply.part.corner, supply.samples(supply.part.size[1])));
         for (line, values) in self.lines[rows.clone()].iter().zip(&mut self.values[rows]) {
-            line.draw(lanes, samples.as_ref(), values);
+            line.draw(lanes, copy, values);
         }
     }
 }
@@ -193,13 +197,13 @@ impl Line {
 
     /// Draws them, or says that they must be drawn alone.
     #[inline(always)]
-    fn draw<L: Lanes>(&self, lanes: L, samples: Option<&Samples<TOGETHER>>, values: &mut Values) {
+    fn draw<L: Lanes>(&self, lanes: L, copy: Option<Copied>, values: &mut Values) {
         for first in (0..self.count).step_by(4) {
             // Closures given to arrays are not always compiled for the vectors at hand.
-            let a = self.sums(lanes, first, samples);
-            let b = self.sums(lanes, first + 1, samples);
-            let c = self.sums(lanes, first + 2, samples);
-            let d = self.sums(lanes, first + 3, samples);
+            let a = self.sums(lanes, first, copy);
+            let b = self.sums(lanes, first + 1, copy);
+            let c = self.sums(lanes, first + 2, copy);
+            let d = self.sums(lanes, first + 3, copy);
             let means = means(lanes, [a, b, c, d]);
             for (i, means) in (first..self.count).zip(means) {
                 let part = self.part[i];
@@ -215,10 +219,10 @@ impl Line {
 
     /// The sums of a pixel; zeros if it is not drawn here.
     #[inline(always)]
-    fn sums<L: Lanes>(&self, lanes: L, i: usize, samples: Option<&Samples<TOGETHER>>) -> [L::Two; 2] {
-        let (Some(samples), rows @ 1..) = (samples, self.rows[i]) else { return [lanes.splat(0.0); 2] };
-        let column = (self.first[0][i] - samples.part.corner[0]) as usize;
-        let row = (self.first[1][i] - samples.part.corner[1]) as usize;
+    fn sums<L: Lanes>(&self, lanes: L, i: usize, copy: Option<Copied>) -> [L::Two; 2] {
+        let (Some((corner, samples)), rows @ 1..) = (copy, self.rows[i]) else { return [lanes.splat(0.0); 2] };
+        let column = (self.first[0][i] - corner[0]) as usize;
+        let row = (self.first[1][i] - corner[1]) as usize;
         let spot = Spot {
             along: self.along[i],
             slope: self.slope[i],

@@ -6,7 +6,7 @@ use super::locate::Located;
 use super::sample::Source;
 use super::taps::{Taps, WHOLE};
 use super::weigh::{self, Footprint, Values};
-use crate::poisson::simd::vectorized;
+use crate::simd::vectorized;
 use crate::view::{View, ViewMut};
 
 /// Planes that are weighed together.

@@ -6,8 +6,8 @@ use super::cell::{Corners, Shape};
 use super::locate::Located;
 use super::net::{Net, Place};
 use super::spans::Point;
-use crate::poisson::simd::vectorized;
 use crate::rect::Rect;
+use crate::simd::vectorized;
 use crate::{Interrupted, Watch};
 use rayon::prelude::*;
 

@@ -4,8 +4,8 @@
 //! are a little smaller. So it begins, ends, and repeats where the picture does.
 
 use super::sample::Source;
-use crate::poisson::simd::vectorized;
 use crate::rect::Rect;
+use crate::simd::vectorized;
 use crate::view::View;
 use crate::{Interrupted, Watch};
 use rayon::prelude::*;

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use super::Boundary;
 use super::kernel::BLOCK;
-use crate::poisson::simd::vectorized;
+use crate::simd::vectorized;
 use crate::view::{View, ViewMut};
 use crate::{Interrupted, Watch};
 

@@ -14,8 +14,8 @@ pub use quantile::quantile;
 
 use rayon::prelude::*;
 
-use crate::poisson::simd::vectorized;
 use crate::room::Room;
+use crate::simd::vectorized;
 use crate::steps::Steps;
 use crate::view::{View, ViewMut};
 use crate::{Interrupted, Watch};

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::Boundary;
-use crate::poisson::simd::vectorized;
+use crate::simd::vectorized;
 use crate::view::View;
 use crate::{Interrupted, Watch};
 

@@ -1,7 +1,7 @@
 //! The certificate that a warp does not fold.
 
 use crate::lattice::{Lattice, Positions};
-use crate::poisson::simd::vectorized;
+use crate::simd::vectorized;
 use crate::{Interrupted, Watch};
 use rayon::prelude::*;
 use robust::{Coord, orient2d};

@@ -3,9 +3,9 @@
 //!
 //! Red nodes are those with an even sum of column and row, black the others.
 
-use super::super::simd::vectorized;
 use super::level::{Level, halves, rows_around};
 use super::transfer::{Interpolation, Restriction};
+use crate::simd::vectorized;
 
 /// Partial sums and maxima, so that their order does not depend on the machine's vectors.
 const LANES: usize = 16;
