@@ -17,8 +17,8 @@ pub(super) const WIDTH: usize = 128;
 pub(super) const ROWS: usize = 16;
 /// Pixels of a copy: a mebibyte.
 const MOST: usize = 1 << 17;
-/// Up to how often a copy may hold more than the ellipses do.
-const SPREAD: usize = 2;
+/// Up to how many pixels a copy may hold per ellipse: more are the gaps between ellipses that lie far apart.
+const SPREAD: usize = 64;
 
 /// A copy of a part of a level, and its first sample's column and row.
 type Copied<'a> = ([i32; 2], Samples<'a, TOGETHER>);
