@@ -1,6 +1,7 @@
 //! Puts a node type into a graph with fitting sources and runs it.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 use std::sync::{Arc, LazyLock, Mutex};
 
 use tempfile::TempDir;
@@ -109,7 +110,7 @@ impl Subject {
         choices.collect()
     }
 
-    /// The same with other values of each of its parameters in turn.
+    /// The same with other values of each of its parameters in turn, where these go together with the rest.
     pub fn reset(&self, values: fn(&Shape) -> Vec<String>) -> Vec<Subject> {
         let params = self.node_type.params.iter().filter(|param| !matches!(param.shape, Shape::Port(_)));
         let choices = params.flat_map(|param| {
@@ -117,7 +118,12 @@ impl Subject {
             let fits = |text: &String| param.extensions.is_empty() || param.extensions.iter().any(|e| text.contains(e));
             texts.into_iter().filter(fits).map(|text| self.with(&param.name, &text)).collect::<Vec<_>>()
         });
-        choices.collect()
+        choices.filter(Self::goes_together).collect()
+    }
+
+    fn goes_together(&self) -> bool {
+        let checked = check(&self.graph(), &REGISTRY, &Options::new(Path::new("graph.ron")));
+        checked.faults.iter().all(|fault| fault.code != Code::Conflict)
     }
 
     fn port_text(&self, name: &str, port: &PortShape) -> String {

@@ -110,7 +110,7 @@ const MEND: &str = "use on_conflict: NoFold, or widen the picture's border with 
 const BYTES_PER_NODE: u128 = 104;
 
 impl Node for FeatureWarp {
-    const VERSION: u32 = 4;
+    const VERSION: u32 = 5;
     const OUTPUTS: &'static [Output] = &[Output::new("warp", Kind::Warp), Output::new("components", Kind::Text)];
     const CPU_FAMILY: bool = true;
 
