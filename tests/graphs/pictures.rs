@@ -19,7 +19,13 @@ fn run(graph: &Path, folder: &Path) -> Report {
 fn kept(of_figures: bool) -> BTreeSet<String> {
     let entries = std::fs::read_dir(root().join("core/docs/pictures")).expect("a folder");
     let names = entries.map(|entry| entry.expect("an entry").file_name().to_string_lossy().into_owned());
-    names.filter(|name| name.starts_with("figure") == of_figures).collect()
+    names.filter(|name| document_of(name).is_some() == of_figures).collect()
+}
+
+/// The document that shows a figure, by its paper; none for other pictures.
+fn document_of(name: &str) -> Option<&'static str> {
+    let papers = [("figure", "figures.md"), ("similar", "similarity.md")];
+    papers.into_iter().find(|(paper, _)| name.starts_with(paper)).map(|(_, document)| document)
 }
 
 /// Names of the files that a run wrote.
@@ -60,7 +66,8 @@ fn pictures_of_figures_are_drawn_by_their_graphs_and_shown() {
             assert_eq!(kept.dimensions(), new.dimensions(), "{name}");
             let worst = kept.iter().zip(new.iter()).map(|(a, b)| a.abs_diff(*b)).max();
             assert!(worst <= Some(2), "copy graphs/out/{name} to core/docs/pictures: it differs by {worst:?} of 255");
-            assert!(is_shown("figures.md", &name), "core/docs/figures.md shows {name}");
+            let document = document_of(&name).expect("figures are of a paper");
+            assert!(is_shown(document, &name), "core/docs/{document} shows {name}");
             drawn.insert(name);
         }
     }
