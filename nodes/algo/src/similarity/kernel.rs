@@ -128,7 +128,7 @@ mod tests {
     fn all_lanes_give_the_same() {
         let number = |i: usize| (i.wrapping_mul(2_654_435_761) >> 7) as i16 & 255;
         let pairs: Vec<Pair> = (0..500).map(|i| [number(2 * i), number(2 * i + 1)]).collect();
-        let probe = (0..40).map(|i| (i * 9 + i % 3, [number(i + 5), number(i + 11)])).collect();
+        let probe: Probe = (0..40).map(|i| (i * 9 + i % 3, [number(i + 5), number(i + 11)])).collect();
         let made = |make: &dyn Fn(Row)| {
             let mut out = vec![7; 3 * BLOCK];
             make(Row { pairs: &pairs, probe: &probe, out: &mut out });
@@ -136,10 +136,11 @@ mod tests {
         };
         let expected = made(&|row| row.make(Plain));
         let direct = |x: usize| {
-            let squares = probe.iter().flat_map(|(offset, other)| {
-                (0..2).map(|i| (i32::from(pairs[offset + x][i]) - i32::from(other[i])).pow(2))
-            });
-            squares.sum::<i32>()
+            let square = |(offset, other): &(usize, Pair)| {
+                let [a, b] = [0, 1].map(|i| i32::from(pairs[offset + x][i]) - i32::from(other[i]));
+                a.pow(2) + b.pow(2)
+            };
+            probe.iter().map(square).sum::<i32>()
         };
         assert_eq!(expected, (0..3 * BLOCK).map(direct).collect::<Vec<_>>());
         #[cfg(target_arch = "x86_64")]
