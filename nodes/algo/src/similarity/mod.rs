@@ -267,9 +267,11 @@ pub fn opacity(distances: View<f32>, threshold: f32, strength: f32, out: ViewMut
         vectorized(
             #[inline(always)]
             || {
+                let (threshold, strength) = (threshold, strength);
                 for (out, &distance) in out.iter_mut().zip(distances) {
                     let part = if distance == 0.0 { 1.0 } else { 1.0 - distance / threshold };
-                    *out = if part > 0.0 { strength * part } else { 0.0 };
+                    let repeated = strength * part;
+                    *out = if part > 0.0 { repeated } else { 0.0 };
                 }
             },
         );
