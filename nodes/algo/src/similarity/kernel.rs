@@ -8,7 +8,7 @@ use pulp::{i16x16, i16x32, i32x8, i32x16};
 use super::level::{Pair, Probe};
 
 /// Pixels whose sums are made together.
-pub(super) const BLOCK: usize = 32;
+pub(super) const BLOCK: usize = 64;
 
 /// A processor's way to square the differences of pairs and add them up.
 trait Lanes: Copy {
@@ -37,11 +37,11 @@ impl Lanes for Plain {
 
 #[cfg(target_arch = "x86_64")]
 impl Lanes for pulp::x86::V3 {
-    type Sums = [i32x8; 4];
+    type Sums = [i32x8; 8];
 
     #[inline(always)]
     fn add(self, mut sums: Self::Sums, pairs: [Pair; BLOCK], other: Pair) -> Self::Sums {
-        let (pairs, other): ([i16x16; 4], i16x16) = (cast(pairs), cast([other; 8]));
+        let (pairs, other): ([i16x16; 8], i16x16) = (cast(pairs), cast([other; 8]));
         for (sum, pairs) in sums.iter_mut().zip(pairs) {
             let by = self.wrapping_sub_i16x16(pairs, other);
             *sum = self.wrapping_add_i32x8(*sum, self.multiply_wrapping_add_adjacent_i16x16(by, by));
@@ -52,11 +52,11 @@ impl Lanes for pulp::x86::V3 {
 
 #[cfg(target_arch = "x86_64")]
 impl Lanes for pulp::x86::V4 {
-    type Sums = [i32x16; 2];
+    type Sums = [i32x16; 4];
 
     #[inline(always)]
     fn add(self, mut sums: Self::Sums, pairs: [Pair; BLOCK], other: Pair) -> Self::Sums {
-        let (pairs, other): ([i16x32; 2], i16x32) = (cast(pairs), cast([other; 16]));
+        let (pairs, other): ([i16x32; 4], i16x32) = (cast(pairs), cast([other; 16]));
         for (sum, pairs) in sums.iter_mut().zip(pairs) {
             let by = self.wrapping_sub_i16x32(pairs, other);
             *sum = self.wrapping_add_i32x16(*sum, self.multiply_wrapping_add_adjacent_i16x32(by, by));
@@ -127,7 +127,7 @@ mod tests {
     #[test]
     fn all_lanes_give_the_same() {
         let number = |i: usize| (i.wrapping_mul(2_654_435_761) >> 7) as i16 & 255;
-        let pairs: Vec<Pair> = (0..500).map(|i| [number(2 * i), number(2 * i + 1)]).collect();
+        let pairs: Vec<Pair> = (0..600).map(|i| [number(2 * i), number(2 * i + 1)]).collect();
         let probe: Probe = (0..40).map(|i| (i * 9 + i % 3, [number(i + 5), number(i + 11)])).collect();
         let made = |make: &dyn Fn(Row)| {
             let mut out = vec![7; 3 * BLOCK];
