@@ -170,7 +170,11 @@ pub fn distances(guide: &Guide, points: &[[usize; 2]], out: ViewMut<f32>, watch:
                 least.iter_mut().zip(&*other).for_each(|(least, other)| *least = (*least).min(*other));
             }
             for at in (row << finest.number..out.height()).take(1 << finest.number) {
-                widen(least, finest.number, out.row_mut(at));
+                let out = out.row_mut(at);
+                vectorized(
+                    #[inline(always)]
+                    || widen(least, finest.number, out, |out, distance| *out = distance as f32),
+                );
             }
         }
         steps.step()
@@ -221,28 +225,27 @@ impl Point<'_> {
             let row = &distances[(y >> shift) * level.columns()..][..level.columns()];
             vectorized(
                 #[inline(always)]
-                || match shift {
-                    1 => out.as_chunks_mut::<2>().0.iter_mut().zip(row).for_each(|(out, add)| {
-                        out.iter_mut().for_each(|out| *out += add);
-                    }),
-                    _ => out.chunks_mut(1 << shift).zip(row).for_each(|(out, add)| {
-                        out.iter_mut().for_each(|out| *out += add);
-                    }),
-                },
+                || widen(row, shift, out, |out, distance| *out += distance),
             );
         }
     }
 }
 
-/// Writes each number for as many pixels as its level's are wide.
-fn widen(numbers: &[i32], level: u32, out: &mut [f32]) {
-    vectorized(
-        #[inline(always)]
-        || match level {
-            0 => out.iter_mut().zip(numbers).for_each(|(out, number)| *out = *number as f32),
-            _ => out.chunks_mut(1 << level).zip(numbers).for_each(|(out, number)| out.fill(*number as f32)),
-        },
-    );
+/// Hands each number to as many pixels as its level's are wide.
+#[inline(always)]
+fn widen<T>(numbers: &[i32], level: u32, out: &mut [T], hand: impl Fn(&mut T, i32)) {
+    match level {
+        0 => out.iter_mut().zip(numbers).for_each(|(out, number)| hand(out, *number)),
+        1 => {
+            let (out, rest) = out.as_chunks_mut::<2>();
+            rest.iter_mut().zip(&numbers[out.len()..]).for_each(|(out, number)| hand(out, *number));
+            out.iter_mut().zip(numbers).for_each(|(out, number)| out.iter_mut().for_each(|out| hand(out, *number)));
+        }
+        _ => out
+            .chunks_mut(1 << level)
+            .zip(numbers)
+            .for_each(|(out, number)| out.iter_mut().for_each(|out| hand(out, *number))),
+    }
 }
 
 /// How strongly an edit is repeated at each pixel.

@@ -16,7 +16,7 @@ const ROWS: usize = 64;
 ///
 /// The least T among the distances such that at least `part` of all samples are <= T, and at least one sample is.
 ///
-/// - `distances`: at least 0, finite, see [`distances`](super::distances()); any size.
+/// - `distances`: at least 0, finite, see [`distances`](super::distances()); fewer than 2^32 (asserted).
 /// - `part`: 0..=1 (asserted).
 /// - `watch`: asked now and then whether to go on.
 ///
@@ -28,6 +28,7 @@ pub fn quantile(distances: View<f32>, part: f64, watch: Watch) -> Result<f32, In
     assert!((0.0..=1.0).contains(&part), "part {part}");
     let rows: Vec<&[f32]> = distances.rows().collect();
     let count = distances.width() * distances.height();
+    assert!(u32::try_from(count).is_ok(), "{count} samples");
     if count == 0 {
         return Ok(0.0);
     }
