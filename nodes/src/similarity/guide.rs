@@ -12,7 +12,7 @@ use warploom_core::value::{Digest, Factor, Grid, Hasher, Image, Kind, Layer};
 use super::Prepared;
 use crate::adapt::{view, watched};
 
-/// Prepares a picture for Similarity: its pyramid and the sums over all neighbourhoods.
+/// Prepares a picture for Similarity: its pyramid of codes.
 ///
 /// This depends on the picture alone: another selection point leaves it as it is. It looks at R, G and B, or Y, of the
 /// first layer, premultiplied as they are, as codes of 0 to 255: what is below 0 and NaN count as 0, what is above white

@@ -1,6 +1,6 @@
-//! Sums of products of whole numbers, by the widest vectors there are; all give the same.
+//! Sums of squares of whole numbers, by the widest vectors there are; all give the same.
 
-use pulp::bytemuck::{Pod, cast};
+use pulp::bytemuck::{Pod, Zeroable, cast};
 use pulp::{Simd, WithSimd};
 #[cfg(target_arch = "x86_64")]
 use pulp::{i16x16, i16x32, i32x8, i32x16};
@@ -8,15 +8,15 @@ use pulp::{i16x16, i16x32, i32x8, i32x16};
 use super::level::{Pair, Probe};
 
 /// Pixels whose sums are made together.
-pub(super) const BLOCK: usize = 32;
+pub(super) const BLOCK: usize = 64;
 
-/// A processor's way to multiply pairs and add them up.
+/// A processor's way to square the differences of pairs and add them up.
 trait Lanes: Copy {
     /// One sum per pixel of a block.
     type Sums: Pod;
 
-    /// Adds a pair's products to each sum.
-    fn add(self, sums: Self::Sums, pairs: [Pair; BLOCK], factors: Pair) -> Self::Sums;
+    /// Adds the squared differences of a pair from another to each sum.
+    fn add(self, sums: Self::Sums, pairs: [Pair; BLOCK], other: Pair) -> Self::Sums;
 }
 
 #[derive(Clone, Copy)]
@@ -26,9 +26,10 @@ impl Lanes for Plain {
     type Sums = [i32; BLOCK];
 
     #[inline(always)]
-    fn add(self, mut sums: Self::Sums, pairs: [Pair; BLOCK], factors: Pair) -> Self::Sums {
+    fn add(self, mut sums: Self::Sums, pairs: [Pair; BLOCK], other: Pair) -> Self::Sums {
         for (sum, pair) in sums.iter_mut().zip(pairs) {
-            *sum += i32::from(pair[0]) * i32::from(factors[0]) + i32::from(pair[1]) * i32::from(factors[1]);
+            let [a, b] = [0, 1].map(|i| i32::from(pair[i] - other[i]));
+            *sum += a * a + b * b;
         }
         sums
     }
@@ -36,13 +37,14 @@ impl Lanes for Plain {
 
 #[cfg(target_arch = "x86_64")]
 impl Lanes for pulp::x86::V3 {
-    type Sums = [i32x8; 4];
+    type Sums = [i32x8; 8];
 
     #[inline(always)]
-    fn add(self, mut sums: Self::Sums, pairs: [Pair; BLOCK], factors: Pair) -> Self::Sums {
-        let (pairs, factors): ([i16x16; 4], i16x16) = (cast(pairs), cast([factors; 8]));
+    fn add(self, mut sums: Self::Sums, pairs: [Pair; BLOCK], other: Pair) -> Self::Sums {
+        let (pairs, other): ([i16x16; 8], i16x16) = (cast(pairs), cast([other; 8]));
         for (sum, pairs) in sums.iter_mut().zip(pairs) {
-            *sum = self.wrapping_add_i32x8(*sum, self.multiply_wrapping_add_adjacent_i16x16(pairs, factors));
+            let by = self.wrapping_sub_i16x16(pairs, other);
+            *sum = self.wrapping_add_i32x8(*sum, self.multiply_wrapping_add_adjacent_i16x16(by, by));
         }
         sums
     }
@@ -50,13 +52,14 @@ impl Lanes for pulp::x86::V3 {
 
 #[cfg(target_arch = "x86_64")]
 impl Lanes for pulp::x86::V4 {
-    type Sums = [i32x16; 2];
+    type Sums = [i32x16; 4];
 
     #[inline(always)]
-    fn add(self, mut sums: Self::Sums, pairs: [Pair; BLOCK], factors: Pair) -> Self::Sums {
-        let (pairs, factors): ([i16x32; 2], i16x32) = (cast(pairs), cast([factors; 16]));
+    fn add(self, mut sums: Self::Sums, pairs: [Pair; BLOCK], other: Pair) -> Self::Sums {
+        let (pairs, other): ([i16x32; 4], i16x32) = (cast(pairs), cast([other; 16]));
         for (sum, pairs) in sums.iter_mut().zip(pairs) {
-            *sum = self.wrapping_add_i32x16(*sum, self.multiply_wrapping_add_adjacent_i16x32(pairs, factors));
+            let by = self.wrapping_sub_i16x32(pairs, other);
+            *sum = self.wrapping_add_i32x16(*sum, self.multiply_wrapping_add_adjacent_i16x32(by, by));
         }
         sums
     }
@@ -65,7 +68,6 @@ impl Lanes for pulp::x86::V4 {
 /// A row of distances to be made.
 struct Row<'a> {
     pairs: &'a [Pair],
-    squares: &'a [i32],
     probe: &'a Probe,
     out: &'a mut [i32],
 }
@@ -73,15 +75,14 @@ struct Row<'a> {
 impl Row<'_> {
     #[inline(always)]
     fn make<L: Lanes>(self, lanes: L) {
-        let Self { pairs, squares, probe, out } = self;
-        let (squares, _) = squares.as_chunks::<BLOCK>();
+        let Self { pairs, probe, out } = self;
         let (out, _) = out.as_chunks_mut::<BLOCK>();
-        for (block, (squares, out)) in squares.iter().zip(out).enumerate() {
+        for (block, out) in out.iter_mut().enumerate() {
             let pairs = &pairs[block * BLOCK..];
-            let mut sums: L::Sums = cast(squares.map(|squares| squares + probe.squares));
-            for &(offset, factors) in &probe.taps {
+            let mut sums = L::Sums::zeroed();
+            for &(offset, other) in probe {
                 let pairs = pairs[offset..].first_chunk().expect("rows are whole blocks");
-                sums = lanes.add(sums, *pairs, factors);
+                sums = lanes.add(sums, *pairs, other);
             }
             *out = cast(sums);
         }
@@ -103,10 +104,10 @@ impl<L: Lanes> WithSimd for With<'_, L> {
     }
 }
 
-/// The distances of a level's row from a probe: `pairs` from the row's first pixel on and `squares` as
-/// [`Level::row`](super::level::Level::row) gives them, `out` of whole blocks.
-pub(super) fn row((pairs, squares): (&[Pair], &[i32]), probe: &Probe, out: &mut [i32]) {
-    let row = Row { pairs, squares, probe, out };
+/// The squared distances of a row of pixels from a probe: `pairs` as [`Rows::row`](super::level::Rows::row) gives them, `out`
+/// of whole blocks.
+pub(super) fn row(pairs: &[Pair], probe: &Probe, out: &mut [i32]) {
+    let row = Row { pairs, probe, out };
     #[cfg(target_arch = "x86_64")]
     {
         if let Some(lanes) = pulp::x86::V4::try_new() {
@@ -126,21 +127,20 @@ mod tests {
     #[test]
     fn all_lanes_give_the_same() {
         let number = |i: usize| (i.wrapping_mul(2_654_435_761) >> 7) as i16 & 255;
-        let pairs: Vec<Pair> = (0..500).map(|i| [number(2 * i), number(2 * i + 1)]).collect();
-        let squares: Vec<i32> = (0..3 * BLOCK).map(|i| i32::from(number(i)) << 9).collect();
-        let taps = (0..40).map(|i| (i * 9 + i % 3, [-2 * number(i + 5), -2 * number(i + 11)])).collect();
-        let probe = Probe { taps, squares: 123_456 };
+        let pairs: Vec<Pair> = (0..600).map(|i| [number(2 * i), number(2 * i + 1)]).collect();
+        let probe: Probe = (0..40).map(|i| (i * 9 + i % 3, [number(i + 5), number(i + 11)])).collect();
         let made = |make: &dyn Fn(Row)| {
-            let mut out = vec![0; 3 * BLOCK];
-            make(Row { pairs: &pairs, squares: &squares, probe: &probe, out: &mut out });
+            let mut out = vec![7; 3 * BLOCK];
+            make(Row { pairs: &pairs, probe: &probe, out: &mut out });
             out
         };
         let expected = made(&|row| row.make(Plain));
         let direct = |x: usize| {
-            let products = probe.taps.iter().map(|(offset, factors)| {
-                (0..2).map(|i| i32::from(pairs[offset + x][i]) * i32::from(factors[i])).sum::<i32>()
-            });
-            squares[x] + probe.squares + products.sum::<i32>()
+            let square = |(offset, other): &(usize, Pair)| {
+                let [a, b] = [0, 1].map(|i| i32::from(pairs[offset + x][i]) - i32::from(other[i]));
+                a.pow(2) + b.pow(2)
+            };
+            probe.iter().map(square).sum::<i32>()
         };
         assert_eq!(expected, (0..3 * BLOCK).map(direct).collect::<Vec<_>>());
         #[cfg(target_arch = "x86_64")]

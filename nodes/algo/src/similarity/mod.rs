@@ -1,6 +1,6 @@
 //! How alike pixels' surroundings are (Brooks, Dodgson 2002).
 //!
-//! What depends on the picture alone is a [`Guide`]; a new point costs one sum of products per pixel and member of the
+//! What depends on the picture alone is a [`Guide`]; a new point costs one square per pixel, channel and member of the
 //! neighbourhood. All sums are of whole numbers: their order, and so threads and vectors, cannot matter.
 
 mod codes;
@@ -19,7 +19,7 @@ use crate::simd::vectorized;
 use crate::steps::Steps;
 use crate::view::{View, ViewMut};
 use crate::{Interrupted, Watch};
-use level::{Level, Probe};
+use level::{Level, Neighbourhood, Pair, Probe, ROWS, Rows};
 
 /// What of scene-linear samples is compared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -55,7 +55,7 @@ pub fn coarsest(size: [usize; 2]) -> u32 {
 /// A picture made ready for comparisons with any of its pixels.
 pub struct Guide {
     size: [usize; 2],
-    diameter: usize,
+    around: Neighbourhood,
     /// Finest first.
     levels: Vec<Level>,
 }
@@ -68,7 +68,7 @@ impl Guide {
 
     /// Diameter of neighbourhoods, px of each level.
     pub fn diameter(&self) -> usize {
-        self.diameter
+        self.around.diameter()
     }
 
     /// Memory it holds.
@@ -80,8 +80,8 @@ impl Guide {
 /// Makes a picture ready for comparisons.
 ///
 /// Level 0 is the picture; level n + 1 is level n after the filter [1 4 6 4 1] / 16 along both axes, rounded to whole
-/// codes, even columns and rows kept. For each level listed the sums of squares over all neighbourhoods are made: the
-/// pixels at distances of 4 (dx^2 + dy^2) <= diameter^2, 21 of them for a diameter of 5, 69 for 9.
+/// codes, even columns and rows kept. A neighbourhood is the pixels at distances of 4 (dx^2 + dy^2) <= diameter^2: 21 of
+/// them for a diameter of 5, 69 for 9.
 ///
 /// - `planes`: R, G, B as codes 0..=255, any size, see [`codes`](codes()).
 /// - `diameter`: odd, 1..=[`MOST_DIAMETER`] (asserted), px of each level.
@@ -92,7 +92,7 @@ impl Guide {
 /// A picture without pixels gives a guide without pixels. With [`Boundary::Wrap`] a side that a level halves although it
 /// is odd is no tile on that level.
 ///
-/// Cost: linear, per pixel O(diameter).
+/// Cost: linear; the guide holds three bytes per pixel of the levels listed.
 ///
 /// S. Brooks and N. Dodgson, "Self-similarity based texture editing", SIGGRAPH 2002, section 3. P. Burt and E. Adelson
 /// 1983 (the filter).
@@ -103,7 +103,7 @@ pub fn guide(
     boundary: Boundary,
     watch: Watch,
 ) -> Result<Guide, Interrupted> {
-    let mut size = [planes[0].width(), planes[0].height()];
+    let size = [planes[0].width(), planes[0].height()];
     assert!(planes.iter().all(|plane| [plane.width(), plane.height()] == size), "planes of one size");
     assert!(diameter % 2 == 1 && diameter <= MOST_DIAMETER, "diameter {diameter}");
     let mut wanted = levels.to_vec();
@@ -111,30 +111,22 @@ pub fn guide(
     assert!(!wanted.is_empty() && wanted.windows(2).all(|pair| pair[0] < pair[1]), "levels {levels:?}");
     let last = wanted[wanted.len() - 1];
     assert!(last <= coarsest(size), "level {last} of {size:?}");
-    let mut guide = Guide { size, diameter, levels: Vec::new() };
+    let mut guide = Guide { size, around: Neighbourhood::new(diameter, boundary), levels: Vec::new() };
     if size.contains(&0) {
         return Ok(guide);
     }
     let mut room = Room::new(watch);
-    // The last level of the pyramid, but for the first, which is the picture.
-    let mut made: Option<[Vec<u8>; 3]> = None;
-    for number in 0..=last {
-        let own = made.iter().flatten().map(Vec::len).sum::<usize>();
-        let views = match &made {
-            None => *planes,
-            Some(made) => made.each_ref().map(|plane| View::packed(plane, size[0], size[1])),
-        };
+    room.phase(level::bytes(size))?;
+    let mut level = Level::first(planes);
+    for number in 0..last {
+        room.phase(guide.bytes() + level.bytes() + level::bytes(pyramid::halved(level.size)))?;
+        let next = level.next(boundary, watch)?;
+        let done = std::mem::replace(&mut level, next);
         if wanted.contains(&number) {
-            room.phase(guide.bytes() + own + level::bytes(size, diameter))?;
-            guide.levels.push(Level::new(number, &views, diameter, boundary, watch)?);
-        }
-        if number < last {
-            let next = pyramid::halved(size);
-            room.phase(guide.bytes() + own + 3 * next[0] * next[1])?;
-            let [r, g, b] = views.map(|plane| pyramid::down(&plane, boundary, watch));
-            (made, size) = (Some([r?, g?, b?]), next);
+            guide.levels.push(done);
         }
     }
+    guide.levels.push(level);
     Ok(guide)
 }
 
@@ -151,8 +143,8 @@ pub fn guide(
 /// Where no level is level 0 blocks of pixels have one distance. The points themselves have 0. A picture without pixels
 /// has no points.
 ///
-/// Cost: per point and level, the level's pixels times 3/2 the neighbourhood's products and sums. The result does not
-/// depend on the count of threads.
+/// Cost: per point and level, the level's pixels times 3 times the neighbourhood's differences, squares and sums. The
+/// result does not depend on the count of threads.
 ///
 /// S. Brooks and N. Dodgson, "Self-similarity based texture editing", SIGGRAPH 2002, section 3.
 pub fn distances(guide: &Guide, points: &[[usize; 2]], out: ViewMut<f32>, watch: Watch) -> Result<(), Interrupted> {
@@ -160,24 +152,30 @@ pub fn distances(guide: &Guide, points: &[[usize; 2]], out: ViewMut<f32>, watch:
     assert!(points.iter().all(|[x, y]| *x < guide.size[0] && *y < guide.size[1]), "points lie in the picture");
     let [finest, coarser @ ..] = &guide.levels[..] else { unreachable!("a picture with points has a level") };
     watch.reserve(points.len() * coarser.iter().map(|l| l.columns() * l.size[1] * size_of::<i32>()).sum::<usize>())?;
-    let at_point = |point: &[usize; 2]| {
-        let coarser = coarser.iter().map(|level| Ok((level, level.distances(&level.probe(*point), watch)?)));
-        Ok(Point { probe: finest.probe(*point), coarser: coarser.collect::<Result<_, Interrupted>>()? })
-    };
-    let points = points.iter().map(at_point).collect::<Result<Vec<_>, Interrupted>>()?;
-    let bands = out.bands(1 << finest.number);
+    let points = compared(guide, points, watch)?;
+    // Rows of the finest level that are made together.
+    let together = (ROWS >> finest.number).max(1);
+    let bands = out.bands(together << finest.number);
     let steps = Steps::new(watch, bands.len());
-    let scratch = || [vec![0; finest.columns()], vec![0; finest.columns()]];
-    bands.into_par_iter().try_for_each_init(scratch, |[least, other], (top, mut out)| {
-        let y = top >> finest.number;
-        let (first, more) = points.split_first().expect("there are points");
-        first.row(finest, y, least);
-        for point in more {
-            point.row(finest, y, other);
-            least.iter_mut().zip(&*other).for_each(|(least, other)| *least = (*least).min(*other));
-        }
-        for row in 0..out.height() {
-            widen(least, finest.number, out.row_mut(row));
+    let scratch = || (Rows::new(finest, &guide.around), [vec![0; finest.columns()], vec![0; finest.columns()]]);
+    bands.into_par_iter().try_for_each_init(scratch, |(rows, [least, other]), (top, mut out)| {
+        let top = top >> finest.number;
+        let count = out.height().div_ceil(1 << finest.number);
+        rows.lay(top, count);
+        for row in 0..count {
+            let (first, more) = points.split_first().expect("there are points");
+            first.row(finest, top + row, rows.row(row), least);
+            for point in more {
+                point.row(finest, top + row, rows.row(row), other);
+                least.iter_mut().zip(&*other).for_each(|(least, other)| *least = (*least).min(*other));
+            }
+            for at in (row << finest.number..out.height()).take(1 << finest.number) {
+                let out = out.row_mut(at);
+                vectorized(
+                    #[inline(always)]
+                    || widen(least, finest.number, out, |out, distance| *out = distance as f32),
+                );
+            }
         }
         steps.step()
     })
@@ -190,37 +188,64 @@ struct Point<'a> {
     coarser: Vec<(&'a Level, Vec<i32>)>,
 }
 
+/// Points as they are compared.
+fn compared<'a>(guide: &'a Guide, points: &[[usize; 2]], watch: Watch) -> Result<Vec<Point<'a>>, Interrupted> {
+    let [finest, coarser @ ..] = &guide.levels[..] else { unreachable!("a picture with points has a level") };
+    let mut rows = Rows::new(finest, &guide.around);
+    let at_point = |point: &[usize; 2]| {
+        let coarser = coarser.iter().map(|level| Ok((level, on_level(level, &guide.around, *point, watch)?)));
+        Ok(Point { probe: rows.probe(*point), coarser: coarser.collect::<Result<_, Interrupted>>()? })
+    };
+    points.iter().map(at_point).collect()
+}
+
+/// The distances of all pixels of a level from a point, rows of whole blocks.
+fn on_level(level: &Level, around: &Neighbourhood, point: [usize; 2], watch: Watch) -> Result<Vec<i32>, Interrupted> {
+    let columns = level.columns();
+    let mut out = vec![0; columns * level.size[1]];
+    let probe = Rows::new(level, around).probe(point);
+    let bands = out.par_chunks_mut(columns * ROWS).enumerate();
+    bands.try_for_each_init(
+        || Rows::new(level, around),
+        |rows, (band, out)| {
+            rows.lay(band * ROWS, out.len() / columns);
+            out.chunks_mut(columns).enumerate().for_each(|(row, out)| kernel::row(rows.row(row), &probe, out));
+            watch.go_on()
+        },
+    )?;
+    Ok(out)
+}
+
 impl Point<'_> {
-    /// The distances from it on a row of the finest level.
-    fn row(&self, finest: &Level, y: usize, out: &mut [i32]) {
-        kernel::row(finest.row(y), &self.probe, out);
+    /// The distances from it on row `y` of the finest level, of which there are `pairs`.
+    fn row(&self, finest: &Level, y: usize, pairs: &[Pair], out: &mut [i32]) {
+        kernel::row(pairs, &self.probe, out);
         for (level, distances) in &self.coarser {
             let shift = level.number - finest.number;
             let row = &distances[(y >> shift) * level.columns()..][..level.columns()];
             vectorized(
                 #[inline(always)]
-                || match shift {
-                    1 => out.as_chunks_mut::<2>().0.iter_mut().zip(row).for_each(|(out, add)| {
-                        out.iter_mut().for_each(|out| *out += add);
-                    }),
-                    _ => out.chunks_mut(1 << shift).zip(row).for_each(|(out, add)| {
-                        out.iter_mut().for_each(|out| *out += add);
-                    }),
-                },
+                || widen(row, shift, out, |out, distance| *out += distance),
             );
         }
     }
 }
 
-/// Writes each number for as many pixels as its level's are wide.
-fn widen(numbers: &[i32], level: u32, out: &mut [f32]) {
-    vectorized(
-        #[inline(always)]
-        || match level {
-            0 => out.iter_mut().zip(numbers).for_each(|(out, number)| *out = *number as f32),
-            _ => out.chunks_mut(1 << level).zip(numbers).for_each(|(out, number)| out.fill(*number as f32)),
-        },
-    );
+/// Hands each number to as many pixels as its level's are wide.
+#[inline(always)]
+fn widen<T>(numbers: &[i32], level: u32, out: &mut [T], hand: impl Fn(&mut T, i32)) {
+    match level {
+        0 => out.iter_mut().zip(numbers).for_each(|(out, number)| hand(out, *number)),
+        1 => {
+            let (out, rest) = out.as_chunks_mut::<2>();
+            rest.iter_mut().zip(&numbers[out.len()..]).for_each(|(out, number)| hand(out, *number));
+            out.iter_mut().zip(numbers).for_each(|(out, number)| out.iter_mut().for_each(|out| hand(out, *number)));
+        }
+        _ => out
+            .chunks_mut(1 << level)
+            .zip(numbers)
+            .for_each(|(out, number)| out.iter_mut().for_each(|out| hand(out, *number))),
+    }
 }
 
 /// How strongly an edit is repeated at each pixel.
@@ -245,9 +270,11 @@ pub fn opacity(distances: View<f32>, threshold: f32, strength: f32, out: ViewMut
         vectorized(
             #[inline(always)]
             || {
+                let (threshold, strength) = (threshold, strength);
                 for (out, &distance) in out.iter_mut().zip(distances) {
                     let part = if distance == 0.0 { 1.0 } else { 1.0 - distance / threshold };
-                    *out = if part > 0.0 { strength * part } else { 0.0 };
+                    let repeated = strength * part;
+                    *out = if part > 0.0 { repeated } else { 0.0 };
                 }
             },
         );
