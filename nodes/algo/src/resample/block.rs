@@ -16,6 +16,8 @@ pub(super) const BLOCK_WIDTH: usize = 64;
 const SPREAD: usize = 8;
 /// Rows from the one that is copied to the one that is fetched.
 const AHEAD: usize = 4;
+/// Samples of a row that are fetched where the processor itself goes on along it.
+const START: usize = 64;
 /// More than a footprint of samples that nobody reads.
 static FAR: [[f32; 1]; 64] = [[0.0]; 64];
 /// Lanes of a search for the least and the greatest.
@@ -121,6 +123,8 @@ pub(super) struct Supply<'a, const C: usize> {
     inside: [Part; 2],
     /// Rows of the part that were asked for.
     rows: usize,
+    /// Most samples of a row that are fetched.
+    fetched: usize,
 }
 
 /// Where samples lie.
@@ -139,7 +143,7 @@ impl<'a> Supply<'a, 1> {
         // Pixels have numbers of 32 bits.
         part.size[1] = part.size[1].min(u32::MAX as usize / stride.max(1));
         let inside = [part, next.unwrap_or_default()];
-        let supply = Self { part, stride, source, planes: [plane], pixels: Store::Plane(&FAR), inside, rows: 0 };
+        let supply = Self { part, stride, source, planes: [plane], pixels: Store::Plane(&FAR), inside, rows: 0, fetched: usize::MAX };
         if part.size[0] < taps || part.size[1] < taps {
             let part = Part { corner: [i32::MIN / 2; 2], size: [taps; 2] };
             return Self { part, stride: taps, inside: Default::default(), ..supply };
@@ -153,6 +157,11 @@ impl<'a, const C: usize> Supply<'a, C> {
     /// None of its rows is fetched: few of their samples are needed.
     pub fn sparse(self) -> Self {
         Self { rows: usize::MAX, ..self }
+    }
+
+    /// Only the start of each row is fetched: its samples are copied in order, which the processor sees.
+    pub fn in_order(self) -> Self {
+        Self { fetched: START, ..self }
     }
 
     /// The samples, with the part's first rows, at least `rows`.
@@ -181,7 +190,7 @@ impl<'a, const C: usize> Supply<'a, C> {
         let [x, y] = part.corner.map(|corner| corner as usize);
         for plane in &self.planes {
             #[cfg(target_arch = "x86_64")]
-            super::simd::fetch_far(&plane.row(y + row)[x..x + part.size[0]]);
+            super::simd::fetch_far(&plane.row(y + row)[x..x + part.size[0].min(self.fetched)]);
             #[cfg(not(target_arch = "x86_64"))]
             let _ = (plane, x, y);
         }
@@ -232,7 +241,7 @@ impl<const C: usize> Block<C> {
         }
         let inside = [part.inside(source), next.unwrap_or_default()];
         let pixels = Store::Copy(&mut self.pixels);
-        Supply { part, stride: width, source, planes, pixels, inside, rows: 0 }
+        Supply { part, stride: width, source, planes, pixels, inside, rows: 0, fetched: usize::MAX }
     }
 }
 

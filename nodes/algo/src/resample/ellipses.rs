@@ -83,7 +83,7 @@ impl Ellipses {
         // Where there are fewer, the last one fills up.
         let last = ewa.plane_count() - 1;
         let planes: [_; TOGETHER] = std::array::from_fn(|i| ewa.level(level, last.min(first + i)).0);
-        let mut supply = part.map(|part| self.block.supply(ewa.level(level, 0).1, planes, part, None));
+        let mut supply = part.map(|part| self.block.supply(ewa.level(level, 0).1, planes, part, None).in_order());
         let copy = supply.as_mut().map(|supply| (supply.part.corner, supply.samples(supply.part.size[1])));
         for (line, values) in self.lines[rows.clone()].iter().zip(&mut self.values[rows]) {
             line.draw(lanes, copy, values);

@@ -16,7 +16,7 @@ use super::locate::Located;
 use super::pyramid::{self, Level};
 use super::sample::{Edge, Source};
 use super::spans::Point;
-use super::{Map, not_finite};
+use super::Map;
 use crate::rect::Rect;
 use crate::view::{View, ViewMut};
 use crate::{Interrupted, Watch};
@@ -86,11 +86,12 @@ impl<'a> Ewa<'a> {
             filtered(&CUBIC, self.clamp, &self.source, self.planes, at, left, blocks, out);
         }
         shapes.choose([self.lowest, self.top]);
+        let mut bad = 0;
         for first in (0..self.planes.len()).step_by(TOGETHER) {
             let out = &mut out[first..self.planes.len().min(first + TOGETHER)];
-            widest(Tile { ewa: self, at, left, first, scratch, out });
+            widest(Tile { ewa: self, at, left, first, scratch, out, bad: &mut bad });
         }
-        not_finite(left, at.width, out)
+        bad
     }
 
     /// The planes of a level, its edges, and how its pixels lie: [`Level::scale`] and [`Level::grown`].
@@ -172,6 +173,8 @@ struct Tile<'a, 'b, 'c> {
     first: usize,
     scratch: &'a mut Scratch,
     out: &'a mut [ViewMut<'c, f32>],
+    /// How many values are not finite.
+    bad: &'a mut u64,
 }
 
 impl Work for Tile<'_, '_, '_> {
@@ -193,7 +196,7 @@ impl Tile<'_, '_, '_> {
     /// Writes a row of a block, and draws alone what must be.
     #[inline(always)]
     fn finish<L: Lanes>(&mut self, lanes: L, row: usize, columns: &Range<usize>, values: &Values) {
-        let Self { ewa, at, left, first, scratch, out } = self;
+        let Self { ewa, at, left, first, scratch, out, bad } = self;
         let Scratch { shapes, alone, .. } = &mut **scratch;
         let pixels = row * at.width + columns.start..row * at.width + columns.end;
         let columns = *left + columns.start..*left + columns.end;
@@ -204,7 +207,7 @@ impl Tile<'_, '_, '_> {
             }
             return;
         }
-        for (column, (pixel, value)) in columns.zip(pixels.zip(values)) {
+        for (column, (pixel, value)) in columns.clone().zip(pixels.zip(values)) {
             let (place, share) = ([at.x[pixel], at.y[pixel]], shapes.share(pixel));
             let mut value = *value;
             if place[0].is_nan() {
@@ -217,6 +220,9 @@ impl Tile<'_, '_, '_> {
             if share > 0.0 {
                 out.iter_mut().zip(value).for_each(|(out, value)| mix(&mut out.row_mut(row)[column], value, share));
             }
+        }
+        for out in &mut **out {
+            **bad += out.row_mut(row)[columns.clone()].iter().filter(|value| !value.is_finite()).count() as u64;
         }
     }
 }
