@@ -11,7 +11,7 @@ use crate::{Interrupted, Watch};
 use rayon::prelude::*;
 
 /// Pixels of a row made at a time.
-const CHUNK: usize = 16;
+const CHUNK: usize = 32;
 
 /// A picture made smaller: a pixel is the mean of the samples it covers.
 pub(super) struct Level {
