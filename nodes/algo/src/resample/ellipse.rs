@@ -11,6 +11,9 @@ use super::axes::Axes;
 use super::lanes::{LANES, Lanes, TWICE};
 use super::spans::Point;
 
+/// What of an ellipse's width and height has next to no weight.
+const BORDER: f32 = 1e-3;
+
 /// An ellipse in a level of the pyramid, whose pixels are its unit.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Ellipse {
@@ -48,10 +51,10 @@ impl Ellipse {
         }
     }
 
-    /// Whether it holds at most [`LANES`] samples of a row; one more at the very border has next to no weight.
+    /// Whether it holds at most [`LANES`] samples of a row, but for the [`BORDER`].
     #[inline(always)]
     pub fn is_narrow(&self) -> bool {
-        2.0 * self.reach[0] < LANES as f32 + 1e-3
+        2.0 * self.reach[0] < LANES as f32 + BORDER
     }
 
     /// Half the width and the height of its bounding box.
@@ -66,10 +69,10 @@ impl Ellipse {
         if self.is_narrow() { LANES as i32 } else { (2.0 * self.reach[0]) as i32 + 1 + TWICE as i32 }
     }
 
-    /// Rows that hold samples, from the first of its bounding box on.
+    /// Rows that hold samples, but for the [`BORDER`], from the first of its bounding box on.
     #[inline(always)]
     pub fn rows(&self) -> i32 {
-        (2.0 * self.reach[1]) as i32 + 1
+        (2.0 * self.reach[1] - BORDER) as i32 + 1
     }
 
     /// Its weights around a sample that lies `x` and `y` from the centre.
