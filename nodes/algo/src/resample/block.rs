@@ -241,18 +241,15 @@ impl<const C: usize> Ahead<'_, C> {
     /// a time.
     #[inline(always)]
     pub fn fetch(&self, part: usize, count: usize) {
-        let width = self.columns.len();
-        let at = |part: usize| part * self.rows.len() * C * width / count;
-        let (mut start, end) = (at(part), at(part + 1));
-        while start < end {
-            let (line, column) = (start / width, start % width);
-            let stop = width.min(column + end - start);
-            let samples = &self.planes[line % C].row(self.rows.start + line / C)[self.columns.clone()][column..stop];
-            #[cfg(target_arch = "x86_64")]
-            super::simd::fetch_far(samples);
-            #[cfg(not(target_arch = "x86_64"))]
-            let _ = samples;
-            start += stop - column;
+        let at = |part: usize| self.columns.start + part * self.columns.len() / count;
+        let columns = at(part)..at(part + 1);
+        for row in self.rows.clone() {
+            for plane in &self.planes {
+                #[cfg(target_arch = "x86_64")]
+                super::simd::fetch_far(&plane.row(row)[columns.clone()]);
+                #[cfg(not(target_arch = "x86_64"))]
+                let _ = (plane, &columns);
+            }
         }
     }
 }
