@@ -141,7 +141,8 @@ impl<'a> Supply<'a, 1> {
         // Pixels have numbers of 32 bits.
         part.size[1] = part.size[1].min(u32::MAX as usize / stride.max(1));
         let inside = [part, next.unwrap_or_default()];
-        let supply = Self { part, stride, source, planes: [plane], pixels: Store::Plane(&FAR), inside, rows: 0, fetches: true };
+        let supply =
+            Self { part, stride, source, planes: [plane], pixels: Store::Plane(&FAR), inside, rows: 0, fetches: true };
         if part.size[0] < taps || part.size[1] < taps {
             let part = Part { corner: [i32::MIN / 2; 2], size: [taps; 2] };
             return Self { part, stride: taps, inside: Default::default(), ..supply };

@@ -15,10 +15,13 @@ pub(super) const TOGETHER: usize = 4;
 /// Columns and rows of a block.
 pub(super) const WIDTH: usize = 128;
 pub(super) const ROWS: usize = 16;
-/// Pixels of a copy: a mebibyte.
+/// Pixels of a copy: two mebibytes.
 const MOST: usize = 1 << 17;
 /// Up to how many pixels a copy may hold per ellipse: more are the gaps between ellipses that lie far apart.
 const SPREAD: usize = 64;
+
+/// Bytes of what is kept from block to block, at most.
+pub(super) const BYTES: usize = MOST * size_of::<[f32; TOGETHER]>() + ROWS * (size_of::<Values>() + size_of::<Line>());
 
 /// A copy of a part of a level.
 struct Copied<'a> {
@@ -245,7 +248,9 @@ impl Line {
     /// The sums of a pixel; zeros if it is not drawn here.
     #[inline(always)]
     fn sums<L: Lanes>(&self, lanes: L, i: usize, copy: Option<&Copied>) -> [L::Two; 2] {
-        let (Some(Copied { corner, samples, .. }), rows @ 1..) = (copy, self.rows[i]) else { return [lanes.splat(0.0); 2] };
+        let (Some(Copied { corner, samples, .. }), rows @ 1..) = (copy, self.rows[i]) else {
+            return [lanes.splat(0.0); 2];
+        };
         let column = (self.first[0][i] - corner[0]) as usize;
         let row = (self.first[1][i] - corner[1]) as usize;
         let spot = Spot {

@@ -1,27 +1,32 @@
 //! The elliptical filter: Cubic where the map does not shrink, else the weighted mean over the ellipse that a pixel
 //! covers ([`ellipse`](super::ellipse)), in a smaller picture ([`pyramid`](super::pyramid)) where it shrinks much.
 //!
-//! Most ellipses are drawn block by block from copies of their part of the source ([`ellipses`](super::ellipses)); those
-//! that are wide, scattered, or hold a sample that is not finite, one by one.
+//! A tile comes to its values block by block ([`ellipses`](super::ellipses)), level by level: each row of pixels gets its
+//! ellipses; from them follows what part of the level the block needs; row after row that part is copied, with the channels
+//! side by side, while memory brings the rows after it; then each ellipse weighs its samples in the copy, four channels at a
+//! time. What has no finite value then is drawn alone, sample by sample: ellipses too wide or too scattered for a copy,
+//! and those that hold a sample that is not finite.
 
+use super::Map;
 use super::axes::{Shapes, levels};
 use super::block::Pixels;
 use super::ellipse::{Ellipse, Run, Weights, group_total};
-use super::ellipses::{Ellipses, ROWS, TOGETHER, Values, WIDTH};
+use super::ellipses::{self, Ellipses, ROWS, TOGETHER, Values, WIDTH};
 use super::filter::{CUBIC, Filter};
 use super::filtered::{Blocks, filtered};
 use super::jacobian::Jacobians;
 use super::lanes::{LANES, Lanes, Work, widest};
-use super::locate::Located;
+use super::locate::{BAND_HEIGHT, Located, TILE_WIDTH};
 use super::pyramid::{self, Level};
 use super::sample::{Edge, Source};
 use super::spans::Point;
-use super::Map;
 use crate::rect::Rect;
 use crate::view::{View, ViewMut};
 use crate::{Interrupted, Watch};
 use std::ops::Range;
 
+/// Bytes that a thread takes for a tile besides [`TILE_BYTES`](super::TILE_BYTES): its axes, and copies.
+pub(super) const TILE_BYTES: usize = TILE_WIDTH * BAND_HEIGHT * size_of::<[f32; 7]>() + ellipses::BYTES;
 /// Positions farther out than this, px, count as lying here.
 pub(super) const FARTHEST: f64 = (1_u64 << 27) as f64;
 /// The longest radius of the kernel, in units of the axes.
