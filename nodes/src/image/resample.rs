@@ -62,7 +62,8 @@ pub enum Filter {
     Lanczos3,
     /// As the cubic where the warp does not shrink; elsewhere the mean over the ellipse that a new pixel covers in the
     /// old picture, weighted, so that fine detail does not alias. The ellipse's minor axis is never shorter than a
-    /// pixel, nor than a sixteenth of its major axis; past a shrink of 4 a halved picture is drawn from.
+    /// pixel, nor than a sixteenth of its major axis. Where it is longer than 4 pixels the old picture is drawn from
+    /// halved, past 6 at a quarter, past 12 at an eighth of its size and so on, each after a smooth change.
     Ewa,
 }
 

@@ -121,6 +121,8 @@ pub(super) struct Supply<'a, const C: usize> {
     inside: [Part; 2],
     /// Rows of the part that were asked for.
     rows: usize,
+    /// Whether they are fetched as they are copied.
+    fetches: bool,
 }
 
 /// Where samples lie.
@@ -139,7 +141,8 @@ impl<'a> Supply<'a, 1> {
         // Pixels have numbers of 32 bits.
         part.size[1] = part.size[1].min(u32::MAX as usize / stride.max(1));
         let inside = [part, next.unwrap_or_default()];
-        let supply = Self { part, stride, source, planes: [plane], pixels: Store::Plane(&FAR), inside, rows: 0 };
+        let supply =
+            Self { part, stride, source, planes: [plane], pixels: Store::Plane(&FAR), inside, rows: 0, fetches: true };
         if part.size[0] < taps || part.size[1] < taps {
             let part = Part { corner: [i32::MIN / 2; 2], size: [taps; 2] };
             return Self { part, stride: taps, inside: Default::default(), ..supply };
@@ -155,11 +158,26 @@ impl<'a, const C: usize> Supply<'a, C> {
         Self { rows: usize::MAX, ..self }
     }
 
+    /// No row is fetched but by [`Ahead::fetch`].
+    pub fn unfetched(self) -> Self {
+        Self { fetches: false, ..self }
+    }
+
+    /// The rows up to number `rows` of the part that are not copied yet.
+    pub fn ahead(&self, rows: usize) -> Ahead<'a, C> {
+        let Part { corner: [x, y], size: [width, height] } = self.inside[0];
+        let outside = (i64::from(y) - i64::from(self.part.corner[1])) as usize;
+        let row = |row: usize| y as usize + row.saturating_sub(outside).min(height);
+        Ahead { planes: self.planes, columns: x as usize..x as usize + width, rows: row(self.rows)..row(rows) }
+    }
+
     /// The samples, with the part's first rows, at least `rows`.
     #[inline(always)]
     pub fn samples(&mut self, rows: usize) -> Samples<'_, C> {
         while self.rows < rows {
-            self.fetch(self.rows + AHEAD);
+            if self.fetches {
+                self.fetch(self.rows + AHEAD);
+            }
             self.load(self.rows);
             self.rows += 1;
         }
@@ -211,6 +229,32 @@ impl<'a, const C: usize> Supply<'a, C> {
     }
 }
 
+/// Rows of some planes that are needed soon.
+#[derive(Clone, Debug)]
+pub(super) struct Ahead<'a, const C: usize> {
+    planes: [View<'a, f32>; C],
+    columns: Range<usize>,
+    rows: Range<usize>,
+}
+
+impl<const C: usize> Ahead<'_, C> {
+    /// Has the memory bring one of `count` equal parts of their columns nearer: all at once would be more than it brings at
+    /// a time.
+    #[inline(always)]
+    pub fn fetch(&self, part: usize, count: usize) {
+        let at = |part: usize| self.columns.start + part * self.columns.len() / count;
+        let columns = at(part)..at(part + 1);
+        for row in self.rows.clone() {
+            for plane in &self.planes {
+                #[cfg(target_arch = "x86_64")]
+                super::simd::fetch_far(&plane.row(row)[columns.clone()]);
+                #[cfg(not(target_arch = "x86_64"))]
+                let _ = (plane, &columns);
+            }
+        }
+    }
+}
+
 /// Room for a copy of a part of C planes.
 #[derive(Debug, Default)]
 pub(super) struct Block<const C: usize> {
@@ -232,7 +276,7 @@ impl<const C: usize> Block<C> {
         }
         let inside = [part.inside(source), next.unwrap_or_default()];
         let pixels = Store::Copy(&mut self.pixels);
-        Supply { part, stride: width, source, planes, pixels, inside, rows: 0 }
+        Supply { part, stride: width, source, planes, pixels, inside, rows: 0, fetches: true }
     }
 }
 

@@ -11,6 +11,9 @@ use super::axes::Axes;
 use super::lanes::{LANES, Lanes, TWICE};
 use super::spans::Point;
 
+/// What of an ellipse's width and height has next to no weight.
+const BORDER: f32 = 1e-3;
+
 /// An ellipse in a level of the pyramid, whose pixels are its unit.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Ellipse {
@@ -48,10 +51,10 @@ impl Ellipse {
         }
     }
 
-    /// Whether it holds at most [`LANES`] samples of a row; one more at the very border has next to no weight.
+    /// Whether it holds at most [`LANES`] samples of a row, but for the [`BORDER`].
     #[inline(always)]
     pub fn is_narrow(&self) -> bool {
-        2.0 * self.reach[0] < LANES as f32 + 1e-3
+        2.0 * self.reach[0] < LANES as f32 + BORDER
     }
 
     /// Half the width and the height of its bounding box.
@@ -66,10 +69,10 @@ impl Ellipse {
         if self.is_narrow() { LANES as i32 } else { (2.0 * self.reach[0]) as i32 + 1 + TWICE as i32 }
     }
 
-    /// Rows that hold samples, from the first of its bounding box on.
+    /// Rows that hold samples, but for the [`BORDER`], from the first of its bounding box on.
     #[inline(always)]
     pub fn rows(&self) -> i32 {
-        (2.0 * self.reach[1]) as i32 + 1
+        (2.0 * self.reach[1] - BORDER) as i32 + 1
     }
 
     /// Its weights around a sample that lies `x` and `y` from the centre.
@@ -97,16 +100,22 @@ const DOWN: [f32; TWICE] = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.
 const ALONG: [f32; TWICE] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 11.0, 12.0, 13.0, 14.0, 15.0];
 
 impl Spot {
-    /// The weights of samples `x` and `y` from the centre.
+    /// The weights of samples, by their [`Self::rest`].
     #[inline(always)]
-    fn weigh<L: Lanes>(&self, lanes: L, x: L::Two, y: L::Two) -> L::Two {
-        let x = lanes.sub(x, lanes.mul(lanes.splat(self.slope), y));
-        let base = lanes.mul(lanes.splat(self.down), lanes.mul(y, y));
-        let u = lanes.add(base, lanes.mul(lanes.splat(self.along), lanes.mul(x, x)));
-        let one = lanes.splat(1.0);
-        let t = lanes.max(lanes.sub(one, u), lanes.splat(0.0));
-        let dip = lanes.sub(one, lanes.mul(lanes.splat(self.dip), u));
+    fn weigh<L: Lanes>(&self, lanes: L, rest: L::Two) -> L::Two {
+        // With t = 1 - u, 1 - c u is 1 - c + c t.
+        let t = lanes.max(rest, lanes.splat(0.0));
+        let dip = lanes.add(lanes.splat(1.0 - self.dip), lanes.mul(lanes.splat(self.dip), t));
         lanes.mul(lanes.mul(t, t), dip)
+    }
+
+    /// One less the squares of the scaled distances of samples `across`, the part of x that y leaves, and `y` from the
+    /// centre.
+    #[inline(always)]
+    fn rest<L: Lanes>(&self, lanes: L, across: L::Two, y: L::Two) -> L::Two {
+        let down = lanes.mul(lanes.splat(self.down), lanes.mul(y, y));
+        let u = lanes.add(down, lanes.mul(lanes.splat(self.along), lanes.mul(across, across)));
+        lanes.sub(lanes.splat(1.0), u)
     }
 
     /// Tells `each` the weights of a narrow ellipse, two rows of [`LANES`] samples at a time, from the first sample on.
@@ -115,9 +124,16 @@ impl Spot {
     fn narrow<L: Lanes>(&self, lanes: L, rows: usize, mut each: impl FnMut(usize, L::Two)) -> L::Two {
         let x = lanes.add(lanes.splat(self.x), lanes.load(&ACROSS));
         let y = lanes.add(lanes.splat(self.y), lanes.load(&DOWN));
+        let across = lanes.sub(x, lanes.mul(lanes.splat(self.slope), y));
+        // A quadratic of the row: its second difference, two rows on, is the same everywhere.
+        let mut rest = self.rest(lanes, across, y);
+        let tilt = lanes.mul(lanes.splat(4.0 * self.along * self.slope), lanes.sub(across, lanes.splat(self.slope)));
+        let mut step = lanes.sub(tilt, lanes.mul(lanes.splat(4.0 * self.down), lanes.add(y, lanes.splat(1.0))));
+        let bend = lanes.splat(-8.0 * (self.along * self.slope * self.slope + self.down));
         let mut sums = lanes.splat(0.0);
         for row in (0..rows).step_by(2) {
-            let weights = self.weigh(lanes, x, lanes.add(y, lanes.splat(row as f32)));
+            let weights = self.weigh(lanes, rest);
+            (rest, step) = (lanes.add(rest, step), lanes.add(step, bend));
             sums = lanes.add(sums, weights);
             each(row, weights);
         }
@@ -137,7 +153,8 @@ impl Spot {
             let count = (last - first + 1.0) as usize;
             for start in (0..count).step_by(TWICE) {
                 let from = lanes.splat(self.x + (first + start as f32));
-                let weights = self.weigh(lanes, lanes.add(from, lanes.load(&ALONG)), lanes.splat(y));
+                let across = lanes.sub(lanes.add(from, lanes.load(&ALONG)), lanes.splat(self.slope * y));
+                let weights = self.weigh(lanes, self.rest(lanes, across, lanes.splat(y)));
                 sums = lanes.add(sums, weights);
                 each(row, first as usize + start, count - start, weights);
             }

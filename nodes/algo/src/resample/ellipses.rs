@@ -3,7 +3,7 @@
 //! the cache.
 
 use super::axes::{Axes, Shapes};
-use super::block::{Block, Part, Pixels, Samples};
+use super::block::{Ahead, Block, Part, Pixels, Samples};
 use super::ellipse::{Ellipse, Spot, means};
 use super::ewa::{Ewa, mixed};
 use super::lanes::{LANES, Lanes};
@@ -15,13 +15,22 @@ pub(super) const TOGETHER: usize = 4;
 /// Columns and rows of a block.
 pub(super) const WIDTH: usize = 128;
 pub(super) const ROWS: usize = 16;
-/// Pixels of a copy: a mebibyte.
+/// Pixels of a copy: two mebibytes.
 const MOST: usize = 1 << 17;
 /// Up to how many pixels a copy may hold per ellipse: more are the gaps between ellipses that lie far apart.
 const SPREAD: usize = 64;
 
-/// A copy of a part of a level, and its first sample's column and row.
-type Copied<'a> = ([i32; 2], Samples<'a, TOGETHER>);
+/// Bytes of what is kept from block to block, at most.
+pub(super) const BYTES: usize = MOST * size_of::<[f32; TOGETHER]>() + ROWS * (size_of::<Values>() + size_of::<Line>());
+
+/// A copy of a part of a level.
+struct Copied<'a> {
+    /// The first sample's column and row.
+    corner: [i32; 2],
+    samples: Samples<'a, TOGETHER>,
+    /// What the row below needs besides.
+    ahead: Ahead<'a, TOGETHER>,
+}
 
 /// The values of a row of a block.
 pub(super) type Values = [[f32; TOGETHER]; WIDTH];
@@ -83,10 +92,20 @@ impl Ellipses {
         // Where there are fewer, the last one fills up.
         let last = ewa.plane_count() - 1;
         let planes: [_; TOGETHER] = std::array::from_fn(|i| ewa.level(level, last.min(first + i)).0);
-        let mut supply = part.map(|part| self.block.supply(ewa.level(level, 0).1, planes, part, None));
-        let copy = supply.as_mut().map(|supply| (supply.part.corner, supply.samples(supply.part.size[1])));
-        for (line, values) in self.lines[rows.clone()].iter().zip(&mut self.values[rows]) {
-            line.draw(lanes, copy, values);
+        let Self { lines, values, block } = self;
+        let Some(part) = part else {
+            for row in rows {
+                lines[row].draw(lanes, None, &mut values[row]);
+            }
+            return;
+        };
+        let mut supply = block.supply(ewa.level(level, 0).1, planes, part, None).unfetched();
+        for row in rows.clone() {
+            let next = &lines[(row + 1).min(rows.end - 1)];
+            supply.samples(lines[row].depth(&part));
+            let ahead = supply.ahead(next.depth(&part));
+            let copy = Copied { corner: part.corner, samples: supply.samples(0), ahead };
+            lines[row].draw(lanes, Some(copy), &mut values[row]);
         }
     }
 }
@@ -195,10 +214,19 @@ impl Line {
         (self.low, self.high, self.drawn) = (low, high, count as usize);
     }
 
+    /// Rows of a part that they need.
+    fn depth(&self, part: &Part) -> usize {
+        (i64::from(self.high[1]) - i64::from(part.corner[1])).max(0) as usize
+    }
+
     /// Draws them, or says that they must be drawn alone.
     #[inline(always)]
     fn draw<L: Lanes>(&self, lanes: L, copy: Option<Copied>, values: &mut Values) {
+        let copy = copy.as_ref();
         for first in (0..self.count).step_by(4) {
+            if let Some(copy) = copy {
+                copy.ahead.fetch(first / 4, self.count.div_ceil(4));
+            }
             // Closures given to arrays are not always compiled for the vectors at hand.
             let a = self.sums(lanes, first, copy);
             let b = self.sums(lanes, first + 1, copy);
@@ -219,8 +247,10 @@ impl Line {
 
     /// The sums of a pixel; zeros if it is not drawn here.
     #[inline(always)]
-    fn sums<L: Lanes>(&self, lanes: L, i: usize, copy: Option<Copied>) -> [L::Two; 2] {
-        let (Some((corner, samples)), rows @ 1..) = (copy, self.rows[i]) else { return [lanes.splat(0.0); 2] };
+    fn sums<L: Lanes>(&self, lanes: L, i: usize, copy: Option<&Copied>) -> [L::Two; 2] {
+        let (Some(Copied { corner, samples, .. }), rows @ 1..) = (copy, self.rows[i]) else {
+            return [lanes.splat(0.0); 2];
+        };
         let column = (self.first[0][i] - corner[0]) as usize;
         let row = (self.first[1][i] - corner[1]) as usize;
         let spot = Spot {

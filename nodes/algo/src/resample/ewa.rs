@@ -1,27 +1,32 @@
 //! The elliptical filter: Cubic where the map does not shrink, else the weighted mean over the ellipse that a pixel
 //! covers ([`ellipse`](super::ellipse)), in a smaller picture ([`pyramid`](super::pyramid)) where it shrinks much.
 //!
-//! Most ellipses are drawn block by block from copies of their part of the source ([`ellipses`](super::ellipses)); those
-//! that are wide, scattered, or hold a sample that is not finite, one by one.
+//! A tile comes to its values block by block ([`ellipses`](super::ellipses)), level by level: each row of pixels gets its
+//! ellipses; from them follows what part of the level the block needs; row after row that part is copied, with the channels
+//! side by side, while memory brings the rows after it; then each ellipse weighs its samples in the copy, four channels at a
+//! time. What has no finite value then is drawn alone, sample by sample: ellipses too wide or too scattered for a copy,
+//! and those that hold a sample that is not finite.
 
+use super::Map;
 use super::axes::{Shapes, levels};
 use super::block::Pixels;
 use super::ellipse::{Ellipse, Run, Weights, group_total};
-use super::ellipses::{Ellipses, ROWS, TOGETHER, Values, WIDTH};
+use super::ellipses::{self, Ellipses, ROWS, TOGETHER, Values, WIDTH};
 use super::filter::{CUBIC, Filter};
 use super::filtered::{Blocks, filtered};
 use super::jacobian::Jacobians;
 use super::lanes::{LANES, Lanes, Work, widest};
-use super::locate::Located;
+use super::locate::{BAND_HEIGHT, Located, TILE_WIDTH};
 use super::pyramid::{self, Level};
 use super::sample::{Edge, Source};
 use super::spans::Point;
-use super::{Map, not_finite};
 use crate::rect::Rect;
 use crate::view::{View, ViewMut};
 use crate::{Interrupted, Watch};
 use std::ops::Range;
 
+/// Bytes that a thread takes for a tile besides [`TILE_BYTES`](super::TILE_BYTES): its axes, and copies.
+pub(super) const TILE_BYTES: usize = TILE_WIDTH * BAND_HEIGHT * size_of::<[f32; 7]>() + ellipses::BYTES;
 /// Positions farther out than this, px, count as lying here.
 pub(super) const FARTHEST: f64 = (1_u64 << 27) as f64;
 /// The longest radius of the kernel, in units of the axes.
@@ -86,11 +91,12 @@ impl<'a> Ewa<'a> {
             filtered(&CUBIC, self.clamp, &self.source, self.planes, at, left, blocks, out);
         }
         shapes.choose([self.lowest, self.top]);
+        let mut bad = 0;
         for first in (0..self.planes.len()).step_by(TOGETHER) {
             let out = &mut out[first..self.planes.len().min(first + TOGETHER)];
-            widest(Tile { ewa: self, at, left, first, scratch, out });
+            widest(Tile { ewa: self, at, left, first, scratch, out, bad: &mut bad });
         }
-        not_finite(left, at.width, out)
+        bad
     }
 
     /// The planes of a level, its edges, and how its pixels lie: [`Level::scale`] and [`Level::grown`].
@@ -172,6 +178,8 @@ struct Tile<'a, 'b, 'c> {
     first: usize,
     scratch: &'a mut Scratch,
     out: &'a mut [ViewMut<'c, f32>],
+    /// How many values are not finite.
+    bad: &'a mut u64,
 }
 
 impl Work for Tile<'_, '_, '_> {
@@ -193,7 +201,7 @@ impl Tile<'_, '_, '_> {
     /// Writes a row of a block, and draws alone what must be.
     #[inline(always)]
     fn finish<L: Lanes>(&mut self, lanes: L, row: usize, columns: &Range<usize>, values: &Values) {
-        let Self { ewa, at, left, first, scratch, out } = self;
+        let Self { ewa, at, left, first, scratch, out, bad } = self;
         let Scratch { shapes, alone, .. } = &mut **scratch;
         let pixels = row * at.width + columns.start..row * at.width + columns.end;
         let columns = *left + columns.start..*left + columns.end;
@@ -204,7 +212,7 @@ impl Tile<'_, '_, '_> {
             }
             return;
         }
-        for (column, (pixel, value)) in columns.zip(pixels.zip(values)) {
+        for (column, (pixel, value)) in columns.clone().zip(pixels.zip(values)) {
             let (place, share) = ([at.x[pixel], at.y[pixel]], shapes.share(pixel));
             let mut value = *value;
             if place[0].is_nan() {
@@ -217,6 +225,9 @@ impl Tile<'_, '_, '_> {
             if share > 0.0 {
                 out.iter_mut().zip(value).for_each(|(out, value)| mix(&mut out.row_mut(row)[column], value, share));
             }
+        }
+        for out in &mut **out {
+            **bad += out.row_mut(row)[columns.clone()].iter().filter(|value| !value.is_finite()).count() as u64;
         }
     }
 }

@@ -153,6 +153,7 @@ pub fn draw(
     let source = Source { window: source_window, edge };
     assert_sources(planes, source_window, out.len());
     if filter == Filter::Ewa {
+        watch.reserve(rayon::current_num_threads() * ewa::TILE_BYTES)?;
         let ewa = Ewa::new(map, source, dst_window, clamp, planes, watch)?;
         let fill = |room: &mut ewa::Scratch, at: &Located, left: usize, out: &mut [ViewMut<f32>]| {
             ewa.fill(at, left, room, out)

@@ -10,8 +10,8 @@ use crate::view::View;
 use crate::{Interrupted, Watch};
 use rayon::prelude::*;
 
-/// Samples added up between fetches.
-const CHUNK: usize = 128;
+/// Pixels of a row made at a time.
+const CHUNK: usize = 32;
 
 /// A picture made smaller: a pixel is the mean of the samples it covers.
 pub(super) struct Level {
@@ -80,15 +80,26 @@ fn smaller(planes: &[View<f32>], [width, height]: [usize; 2], watch: Watch) -> R
         let plane = &planes[line / height];
         let across = Cover::new(plane.width(), width);
         let down = Cover::new(plane.height(), height);
+        let rows = down.parts(line % height).map(|(row, weight)| Row {
+            samples: plane.row(row),
+            weight,
+            next: plane.row((row + down.step as usize).min(plane.height() - 1)),
+        });
+        let rows: Vec<_> = rows.collect();
         sums.resize(plane.width(), 0.0);
         vectorized(
             #[inline(always)]
             || {
-                sums.fill(0.0);
-                for (row, weight) in down.parts(line % height) {
-                    add(sums, plane.row(row), plane.row((row + 1).min(plane.height() - 1)), weight);
+                let scale = 1.0 / (across.step * down.step) as f32;
+                match across.step {
+                    2.0 => whole::<2>(&rows, scale, out),
+                    4.0 => whole::<4>(&rows, scale, out),
+                    8.0 => whole::<8>(&rows, scale, out),
+                    _ => {
+                        add(&rows, 0, sums);
+                        across.means(sums, scale, out);
+                    }
                 }
-                across.means(sums, 1.0 / (across.step * down.step) as f32, out);
             },
         );
         Ok(())
@@ -96,16 +107,42 @@ fn smaller(planes: &[View<f32>], [width, height]: [usize; 2], watch: Watch) -> R
     Ok(out)
 }
 
-/// Adds a row, and has the memory bring the next one.
+/// A row to be added up, and the one that the next sum takes in its place.
+struct Row<'a> {
+    samples: &'a [f32],
+    weight: f32,
+    next: &'a [f32],
+}
+
+/// The weighted sums of rows, from a column on; has the memory bring the next ones.
 #[inline(always)]
-fn add(sums: &mut [f32], row: &[f32], next: &[f32], weight: f32) {
-    for ((sums, row), next) in sums.chunks_mut(CHUNK).zip(row.chunks(CHUNK)).zip(next.chunks(CHUNK)) {
+fn add(rows: &[Row], first: usize, sums: &mut [f32]) {
+    sums.fill(0.0);
+    for Row { samples, weight, next } in rows {
         #[cfg(target_arch = "x86_64")]
-        super::simd::fetch(next);
+        super::simd::fetch(&next[first..first + sums.len()]);
         #[cfg(not(target_arch = "x86_64"))]
         let _ = next;
-        for (sum, sample) in sums.iter_mut().zip(row) {
+        for (sum, sample) in sums.iter_mut().zip(&samples[first..]) {
             *sum += weight * sample;
+        }
+    }
+}
+
+/// The weighted sums of N neighbours in rows, times `scale`. A few columns of all rows are read at a time: so memory
+/// brings rows side by side.
+#[inline(always)]
+fn whole<const N: usize>(rows: &[Row], scale: f32, out: &mut [f32]) {
+    let mut sums = [[0.0; N]; CHUNK];
+    for (i, out) in out.chunks_mut(CHUNK).enumerate() {
+        let sums = &mut sums[..out.len()];
+        add(rows, i * CHUNK * N, sums.as_flattened_mut());
+        for (out, small) in out.iter_mut().zip(sums) {
+            let mut sum = small[0];
+            for sample in &small[1..] {
+                sum += sample;
+            }
+            *out = sum * scale;
         }
     }
 }
@@ -136,27 +173,8 @@ impl Cover {
     /// The weighted sums of the smaller pixels, times `scale`.
     #[inline(always)]
     fn means(self, small: &[f32], scale: f32, out: &mut [f32]) {
-        match self.step {
-            2.0 => whole::<2>(small, scale, out),
-            4.0 => whole::<4>(small, scale, out),
-            8.0 => whole::<8>(small, scale, out),
-            _ => {
-                for (i, out) in out.iter_mut().enumerate() {
-                    *out = self.parts(i).fold(0.0, |sum, (i, part)| sum + part * small[i]) * scale;
-                }
-            }
+        for (i, out) in out.iter_mut().enumerate() {
+            *out = self.parts(i).fold(0.0, |sum, (i, part)| sum + part * small[i]) * scale;
         }
-    }
-}
-
-/// The sums of N neighbours, times `scale`.
-#[inline(always)]
-fn whole<const N: usize>(small: &[f32], scale: f32, out: &mut [f32]) {
-    for (out, small) in out.iter_mut().zip(small.as_chunks::<N>().0) {
-        let mut sum = small[0];
-        for sample in &small[1..] {
-            sum += sample;
-        }
-        *out = sum * scale;
     }
 }

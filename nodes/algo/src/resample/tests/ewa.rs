@@ -97,13 +97,15 @@ fn weight_and_place_of_a_spot_are_kept() {
     let [cx, cy] = middle(SOURCE);
     let plane = painted(SOURCE, |x, y| libm::exp(-((x - cx - 7.0).powi(2) + (y - cy + 4.0).powi(2)) / 2.0 / 81.0));
     let total: f64 = plane.iter().map(|&value| f64::from(value)).sum();
-    for matrix in [
-        turned(2.0, 2.0, 0.0),
-        turned(3.0, 2.2, 20.0),
-        turned(6.0, 2.0, -70.0),
-        turned(5.0, 4.5, 30.0),
-        turned(1.1, 1.0, 5.0),
-        turned(9.0, -8.0, 45.0),
+    // In a level the ellipse is 1.7 to 2 pixels long: the sums of its few weights differ by 1 % from place to place, of which
+    // a spot no larger than a pixel drawn keeps up to 0.3 %; in the source itself they would by 1e-5.
+    for (matrix, tolerance) in [
+        (turned(2.0, 2.0, 0.0), 2e-3),
+        (turned(3.0, 2.2, 20.0), 2e-3),
+        (turned(6.0, 2.0, -70.0), 2e-3),
+        (turned(5.0, 4.5, 30.0), 2e-3),
+        (turned(1.1, 1.0, 5.0), 2e-3),
+        (turned(9.0, -8.0, 45.0), 3e-3),
     ] {
         let (out, _) = shrunk(matrix, SOURCE, dst, Edge::Transparent, false, &plane);
         let [mx, my] = middle(dst);
@@ -115,7 +117,7 @@ fn weight_and_place_of_a_spot_are_kept() {
             sums = [sums[0] + value, sums[1] + value * place[0], sums[2] + value * place[1]];
         }
         let area = (matrix[0][0] * matrix[1][1] - matrix[0][1] * matrix[1][0]).abs();
-        assert!((sums[0] * area / total - 1.0).abs() < 3e-3, "{matrix:?}: {}", sums[0] * area / total);
+        assert!((sums[0] * area / total - 1.0).abs() < tolerance, "{matrix:?}: {}", sums[0] * area / total);
         let [x, y] = [sums[1] / sums[0], sums[2] / sums[0]];
         assert!((x - 7.0).abs() < 0.05 && (y + 4.0).abs() < 0.05, "{matrix:?}: {x} {y}");
     }
