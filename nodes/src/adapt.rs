@@ -2,7 +2,7 @@
 
 use std::sync::{Mutex, PoisonError};
 
-use warploom_algo::lattice::{Lattice, Positions};
+use warploom_algo::lattice::{self, Lattice, Positions};
 use warploom_algo::rect::Rect as Window;
 use warploom_algo::resample::Map;
 use warploom_algo::view::{View, ViewMut};
@@ -56,6 +56,16 @@ pub fn solver<'a, T: 'static>(factor: &'a Factor, port: &'static str, maker: &st
 pub fn too_large(grid: &Grid) -> NodeError {
     let message = format!("the lattice ({}) is too large for the solver", described(grid));
     NodeError::new(ErrorClass::OverBudget, message).hint("use larger cells")
+}
+
+/// A warp's lattice and positions; one that repeats goes on beyond its borders.
+pub fn repeated(cx: &Context, warp: &Warp) -> Result<(Lattice, Positions), NodeError> {
+    let (lattice, positions) = (lattice(&warp.grid), positions(cx, warp)?);
+    let Some((wider, all)) = lattice::repeated(&lattice, &positions, warp.grid.periodic) else {
+        return Ok((lattice, positions));
+    };
+    cx.reserve(wider.node_count() as u128 * size_of::<[f64; 2]>() as u128)?;
+    Ok((wider, all))
 }
 
 /// What a warp's lattice and positions say, whichever way they point.

@@ -133,7 +133,7 @@ impl Maker<'_> {
     /// A node whose parameters go together.
     fn node(&mut self, node_type: &NodeType) {
         let (text, pieces) = (self.text.len(), self.pieces.len());
-        loop {
+        for _ in 0..1000 {
             let made = self.draw(node_type);
             let graph = format!("Graph(version: 1, frames: \"1001-1012\", nodes: {{ {} }})", &self.text[text..]);
             if faults_of(&graph).faults.iter().all(|fault| fault.code != Code::Conflict) {
@@ -142,6 +142,7 @@ impl Maker<'_> {
             self.text.truncate(text);
             self.pieces.truncate(pieces);
         }
+        panic!("no parameters of {} go together", node_type.name);
     }
 
     fn draw(&mut self, node_type: &NodeType) -> Made {

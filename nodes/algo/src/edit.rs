@@ -66,7 +66,7 @@ pub fn paint(base: &Base, paint: Paint, strength: Plane, out: ViewMut<f32>) {
                 Paint::Color(color) => color * alpha,
                 Paint::Brightness { scale, offset } => scale * *out + offset * alpha,
             };
-            *out = *out * (1.0 - a) + target * a;
+            *out = if a == 1.0 { target } else { *out * (1.0 - a) + target * a };
         }
     });
 }
@@ -81,7 +81,8 @@ pub fn paint(base: &Base, paint: Paint, strength: Plane, out: ViewMut<f32>) {
 /// - `strength`: a, any numbers.
 /// - `out`: of the base's size (asserted); every sample is written.
 ///
-/// Where a is 0, or where texture and t are, a sample stays bit for bit. Else infinities and NaN follow IEEE 754.
+/// Where a is 0, or where texture and t are, a sample stays bit for bit; where a t is 1 nothing of it is left, whatever
+/// it was. Else infinities and NaN follow IEEE 754.
 ///
 /// Cost: linear, rows side by side.
 ///
@@ -93,7 +94,8 @@ pub fn lay(base: &Base, texture: &Texture, strength: Plane, out: ViewMut<f32>) {
         let laid = samples.iter().zip(&covers).zip(strength).zip(alpha);
         for (out, (((&sample, &t), &a), &alpha)) in out.iter_mut().zip(laid) {
             if a != 0.0 && (t != 0.0 || sample != 0.0) {
-                *out = *out * (1.0 - a * t) + a * sample * alpha;
+                let kept = if a * t == 1.0 { 0.0 } else { *out * (1.0 - a * t) };
+                *out = kept + a * sample * alpha;
             }
         }
     });

@@ -8,7 +8,7 @@ pub use warp::Handles;
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use warploom_algo::handles::{self, Error, Handle, Held, Mode};
+use warploom_algo::handles::{self, Error, Handle, HandleWarp, Held, Mode};
 use warploom_algo::{Interrupted, Watch};
 use warploom_core::node::NodeError;
 use warploom_core::value::Grid;
@@ -35,18 +35,16 @@ impl Prepared {
     }
 
     /// The handles prepared; what is found there gives the same bits as what is made anew.
-    fn hold(&self, handles: &[Handle], mode: Mode, watch: Watch) -> Result<Arc<Held>, Error> {
+    fn drag(&self, handles: &[Handle], mode: Mode, watch: Watch) -> Result<HandleWarp, Error> {
         let last = || self.last.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(held) = last().as_ref().filter(|held| held.holds(handles, mode)) {
-            return Ok(held.clone());
+        // One that does not serve makes room for the next.
+        drop(last().take_if(|held| !held.holds(handles, mode)));
+        let kept = last().clone();
+        let (warp, made) = handles::drag(&self.factor, kept.as_deref(), handles, mode, watch)?;
+        if let Some(made) = made.filter(|held| held.bytes() <= self.factor.bytes() / KEPT) {
+            *last() = Some(Arc::new(made));
         }
-        let other = last().take();
-        drop(other);
-        let held = Arc::new(handles::hold(&self.factor, handles, mode, watch)?);
-        if held.bytes() <= self.factor.bytes() / KEPT {
-            *last() = Some(held.clone());
-        }
-        Ok(held)
+        Ok(warp)
     }
 }
 

@@ -94,9 +94,7 @@ impl Node for Handles {
             Mode::Rigid => handles::Mode::Rigid,
         };
         let at_work = watch(cx);
-        let held = solver.hold(&dragged.handles, mode, &at_work);
-        let solved = held.and_then(|held| handles::solve(&solver.factor, &held, &dragged.handles, &at_work));
-        let solved = solved.map_err(|error| {
+        let solved = solver.drag(&dragged.handles, mode, &at_work).map_err(|error| {
             let blamed = dragged.blame(&lattice, error);
             blamed.unwrap_or_else(|| super::refusal(error, &factor.grid, at_work))
         })?;

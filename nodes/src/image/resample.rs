@@ -13,14 +13,14 @@ use warploom_core::value::{
     Windows,
 };
 
-use crate::adapt::{FARTHEST, lattice, map, positions, view, view_mut, watched, window};
+use crate::adapt::{FARTHEST, map, repeated, view, view_mut, watched, window};
 use crate::io::codec::MAX_SIDE;
 
 /// Draws a picture, mask, field or label map through a warp.
 ///
 /// The warp's cells are drawn as quads. Where none folds, every pixel is drawn once; where several cover a pixel, the
 /// last in row order counts. All layers and channels are drawn, premultiplied as they are. The data window becomes the
-/// pixels that the old one's image overlaps, and what lies outside the display window is drawn and drawn from like the
+/// pixels that the old one's image overlaps. Warps that repeat on a periodic lattice go on beyond it. What lies outside the display window is drawn and drawn from like the
 /// rest. Labels and channels of identities are never mixed. NaN and infinity spread no farther than the filter's
 /// footprint; `stats` counts such samples before (`bad_samples`) and after (`bad_samples_drawn`).
 #[derive(Serialize, Deserialize, JsonSchema, SmartDefault)]
@@ -97,14 +97,8 @@ impl Node for Resample {
 
     fn compute(&self, cx: &Context) -> Result<Outputs, NodeError> {
         let (source, warp) = (cx.get(&self.image), cx.get(&self.warp));
-        let drawing = Drawing {
-            node: self,
-            cx,
-            direction: warp.direction,
-            lattice: lattice(&warp.grid),
-            positions: positions(cx, &warp)?,
-            bad: Cell::default(),
-        };
+        let (lattice, positions) = repeated(cx, &warp)?;
+        let drawing = Drawing { node: self, cx, direction: warp.direction, lattice, positions, bad: Cell::default() };
         let outputs: Outputs = match source {
             Value::Image(image) => drawing.image(&image)?.into(),
             Value::Mask(mask) => {

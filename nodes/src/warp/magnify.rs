@@ -108,6 +108,9 @@ impl Port for Strength {
     }
 }
 
+/// A part of the area asked for by which missing it is worth a warning.
+const LARGE_ERROR: f64 = 0.1;
+
 impl Node for Magnify {
     const VERSION: u32 = 1;
     const OUTPUTS: &'static [Output] = super::WARP;
@@ -140,7 +143,9 @@ impl Node for Magnify {
         };
         let found = watched(cx, |watch| magnify::magnify(&lattice, &wish, watch))?;
         drop(means);
+        let missed = self.missed(found.largest_error, found.exponent);
         let outputs = super::certified(cx, &grid, found.positions)?
+            .warning(missed)
             .stat("largest_error", found.largest_error)
             .stat("rms_error", found.rms_error)
             .stat("exponent", found.exponent)
@@ -157,6 +162,15 @@ impl Node for Magnify {
 }
 
 impl Magnify {
+    /// What is to be said of areas that were not had. The relaxation is known to miss them, and a pinned frame costs some.
+    fn missed(&self, error: f64, exponent: f64) -> Option<String> {
+        if self.method == Method::Keahey || self.frame == Frame::Pin || (error <= LARGE_ERROR && exponent == 1.0) {
+            return None;
+        }
+        let asked = if exponent < 1.0 { format!("M^{exponent:.2}, as M itself would fold,") } else { "M".into() };
+        Some(format!("areas are {asked} to within {:.1} %: ask for less, or use smaller cells", 100.0 * error))
+    }
+
     fn method(&self) -> magnify::Method {
         let Self { refine, limit, weight, .. } = *self;
         let [sweeps, levels] = [self.sweeps, self.levels].map(|count| count as usize);

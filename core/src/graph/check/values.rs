@@ -111,7 +111,8 @@ fn read_node(
 
 /// Lets the node refuse parameters that are right one by one.
 fn check_together(entry: &Entry, draft: &Draft, report: &mut Reporter) {
-    if draft.params.holes.iter().any(|hole| matches!(hole.source, Source::Keys(_))) {
+    // Of numbers that are not known yet 0 stands for, which the node is not to judge.
+    if !draft.params.holes.is_empty() {
         return;
     }
     let Err(error) = draft.node_type.make(&Json::Object(draft.params.json.clone())).check() else { return };

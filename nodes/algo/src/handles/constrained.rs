@@ -122,7 +122,7 @@ impl<T: Number> Prepared<T> {
     ) -> Result<Self, Error> {
         let mut compliance = factor.compliance(rows, before, room, watch)?;
         let square = rows.len() * rows.len() * size_of::<T>();
-        room.phase(before + 3 * square)?;
+        room.phase(before + 4 * square)?;
         let border = Mat::from_fn(rows.len(), kernel.len(), |row, which| {
             rows[row].pulls().fold(T::ZERO, |sum, (node, weight)| sum + kernel[which](node) * weight)
         });

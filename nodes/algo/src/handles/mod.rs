@@ -192,28 +192,19 @@ impl HandleFactor {
 /// solved for at each drag.
 const RESPONSES: usize = 2;
 
-/// Prepares handles, whatever their targets: what a drag need not do again.
-///
-/// `S = C K C^*` is factored, K the inverse of the lattice's matrix and `C z = c` the handles' equations, and of few
-/// handles the columns of `K C^*` are kept: then a drag is a sum of these.
-///
-/// * `handles`: see [`along`] and [`side`] for curves; the targets are looked at for errors alone.
-/// * `mode`: what cells are to keep.
-/// * `watch`: called between the phases. Asked for all memory.
-///
-/// k handles on N nodes cost O(k N^0.5 log N + k^2 N^0.5 + k^3) and a dense matrix of k x k, and a solve for each of few.
-pub fn hold(factor: &HandleFactor, handles: &[Handle], mode: Mode, watch: Watch) -> Result<Held, Error> {
+/// Prepares handles, whatever their targets: `S = C K C^*` is factored, K the inverse of the lattice's matrix and
+/// `C z = c` the handles' equations, and of few handles the columns of `K C^*` are kept: then a drag is a sum of these.
+fn hold(factor: &HandleFactor, handles: &[Handle], mode: Mode, room: &mut Room, watch: Watch) -> Result<Held, Error> {
     let rows = rows(&factor.lattice, handles)?;
     let mut held = Held { from: handles.iter().map(|handle| handle.from).collect(), mode, similar: None, rigid: None };
     if rows.len() < 2 {
         return Ok(held);
     }
-    let mut room = Room::new(watch);
     let most = factor.similarity.bytes() / RESPONSES;
-    let similar = Prepared::new(&factor.similarity, &rows, &similar_kernel(factor, &rows), most, 0, &mut room, watch)?;
+    let similar = Prepared::new(&factor.similarity, &rows, &similar_kernel(factor, &rows), most, 0, room, watch)?;
     if mode == Mode::Rigid {
         let (most, before) = (factor.rigid.bytes() / RESPONSES, similar.bytes());
-        held.rigid = Some(Prepared::new(&factor.rigid, &rows, &rigid_kernel(), most, before, &mut room, watch)?);
+        held.rigid = Some(Prepared::new(&factor.rigid, &rows, &rigid_kernel(), most, before, room, watch)?);
     }
     held.similar = Some(similar);
     Ok(held)
@@ -240,31 +231,59 @@ impl Held {
 /// cell Q best, and `sum over cells and their edges e = (p, q) of c_e |z_q - z_p - R_Q (v_q - v_p)|^2` is minimised
 /// under the same constraints, c = hy / hx along x and hx / hy along y.
 ///
-/// * `held`: what [`hold`] made of handles at the same places (asserted). The bits do not depend on when.
-/// * `handles`: the places and their targets.
-/// * `watch`: called between the phases. Asked for scratch.
+/// * `kept`: what an earlier drag of this factor prepared. It serves if its handles were at the same places, in the same
+///   order and mode; the bits are those of a drag without it.
+/// * `handles`: the places and their targets; see [`along`] and [`side`] for curves.
+/// * `mode`: what cells are to keep.
+/// * `watch`: called between the phases. Asked for all memory, `kept` aside.
+///
+/// Returns what it prepared as well, if `kept` did not serve.
 ///
 /// Without handles the lattice stays at rest, one handle moves it as a whole, two give exactly the similarity through
 /// them (`Similarity`). Handles that imply a similarity (in `Rigid`, a rigid motion) give it. Handles on one place
 /// with one target count once; with two they are refused. Handles that depend on each other, three in a row in one
 /// cell for instance, are met as well as they can be in the least squares sense.
 ///
-/// k handles on N nodes cost O(k N) if `held` keeps their responses, else a solve, O(N log N + k^2); `Rigid` twice that
-/// and one more solve. Refined while the relative residual is above 1e-12.
-pub fn solve(factor: &HandleFactor, held: &Held, handles: &[Handle], watch: Watch) -> Result<HandleWarp, Error> {
+/// k handles on N nodes cost O(k N) if `kept` has their responses, else a solve, O(N log N + k^2); `Rigid` twice that
+/// and one more solve. Refined while the relative residual is above 1e-12. What is prepared costs
+/// O(k N^0.5 log N + k^2 N^0.5 + k^3), a dense matrix of k x k, and a solve for each of few handles.
+pub fn drag(
+    factor: &HandleFactor,
+    kept: Option<&Held>,
+    handles: &[Handle],
+    mode: Mode,
+    watch: Watch,
+) -> Result<(HandleWarp, Option<Held>), Error> {
+    let mut room = Room::new(watch);
+    if let Some(held) = kept.filter(|held| held.holds(handles, mode)) {
+        return Ok((solve(factor, held, handles, &mut room, watch)?, None));
+    }
+    let held = hold(factor, handles, mode, &mut room, watch)?;
+    room.keep(held.bytes());
+    Ok((solve(factor, &held, handles, &mut room, watch)?, Some(held)))
+}
+
+/// The warp, of handles that are held.
+fn solve(
+    factor: &HandleFactor,
+    held: &Held,
+    handles: &[Handle],
+    room: &mut Room,
+    watch: Watch,
+) -> Result<HandleWarp, Error> {
     let lattice = &factor.lattice;
     let rows = rows(lattice, handles)?;
     assert!(held.holds(handles, held.mode), "the handles are held at other places");
-    let (field, mut room) = (lattice.node_count() * size_of::<c64>(), Room::new(watch));
+    let field = lattice.node_count() * size_of::<c64>();
     // At the end the displacement and the positions.
     room.phase(2 * field)?;
     let (mut residual, mut rank) = (0.0, rows.len());
     let moved = match (&rows[..], &held.similar) {
         (rows, Some(prepared)) => {
-            let mut solution = similar(factor, rows, prepared, &mut room, watch)?;
+            let mut solution = similar(factor, rows, prepared, room, watch)?;
             if let Some(prepared) = &held.rigid {
                 watch.progress(0.5)?;
-                let rigid = made_rigid(factor, rows, prepared, &solution.fields, &mut room, watch)?;
+                let rigid = made_rigid(factor, rows, prepared, &solution.fields, room, watch)?;
                 (solution.residual, solution.rank) = (solution.residual.max(rigid.residual), rigid.rank);
                 let step = |node| c64::new(rigid.fields[(node, 0)], rigid.fields[(node, 1)]);
                 let fields = solution.fields.col_as_slice_mut(0);

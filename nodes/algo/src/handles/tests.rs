@@ -21,7 +21,7 @@ fn prepared(lattice: &Lattice) -> HandleFactor {
 }
 
 fn dragged(factor: &HandleFactor, handles: &[Handle], mode: Mode) -> Result<HandleWarp, Error> {
-    solve(factor, &hold(factor, handles, mode, UNWATCHED)?, handles, UNWATCHED)
+    drag(factor, None, handles, mode, UNWATCHED).map(|(warp, _)| warp)
 }
 
 fn solved(factor: &HandleFactor, handles: &[Handle], mode: Mode) -> HandleWarp {
@@ -323,10 +323,10 @@ fn bad_handles_are_told() {
         assert_eq!(dragged(&factor, &apart, mode), Err(Error::Overflow));
     }
     let handles = scattered(&SQUARE, 3, 0.1, 1);
-    let stopped = hold(&factor, &handles, Mode::Similarity, &|_| Err(Interrupted));
+    let stopped = hold(&factor, &handles, Mode::Similarity, &mut Room::new(UNWATCHED), &|_| Err(Interrupted));
     assert!(matches!(stopped, Err(Error::Interrupted)), "{stopped:?}");
-    let held = hold(&factor, &handles, Mode::Similarity, UNWATCHED).expect("held");
-    let stopped = solve(&factor, &held, &handles, &|_| Err(Interrupted));
+    let held = hold(&factor, &handles, Mode::Similarity, &mut Room::new(UNWATCHED), UNWATCHED).expect("held");
+    let stopped = solve(&factor, &held, &handles, &mut Room::new(UNWATCHED), &|_| Err(Interrupted));
     assert_eq!(stopped, Err(Error::Interrupted));
     assert_eq!(super::factor(&SQUARE, &|_| Err(Interrupted)).expect_err("stopped"), Error::Interrupted);
 }
@@ -403,18 +403,18 @@ fn compliance_is_what_whole_solves_give() {
 fn what_is_held_serves_all_targets() {
     let (factor, places) = (prepared(&SQUARE), scattered(&SQUARE, 6, 0.0, 5));
     for mode in MODES {
-        let held = hold(&factor, &places, mode, UNWATCHED).expect("held");
+        let held = hold(&factor, &places, mode, &mut Room::new(UNWATCHED), UNWATCHED).expect("held");
         for seed in 1..4 {
             let mut number = noise(seed);
             let handles: Vec<Handle> =
                 places.iter().map(|h| Handle { to: h.from.map(|at| at + 8.0 * number()), ..*h }).collect();
-            let warp = solve(&factor, &held, &handles, UNWATCHED).expect("solved");
+            let warp = solve(&factor, &held, &handles, &mut Room::new(UNWATCHED), UNWATCHED).expect("solved");
             assert_eq!(warp, solved(&factor, &handles, mode));
-            let mut bare = hold(&factor, &handles, mode, UNWATCHED).expect("held");
+            let mut bare = hold(&factor, &handles, mode, &mut Room::new(UNWATCHED), UNWATCHED).expect("held");
             bare.similar.as_mut().expect("six handles").forget_responses();
             bare.rigid.as_mut().into_iter().for_each(Prepared::forget_responses);
             assert!(bare.bytes() < held.bytes());
-            let whole = solve(&factor, &bare, &handles, UNWATCHED).expect("solved");
+            let whole = solve(&factor, &bare, &handles, &mut Room::new(UNWATCHED), UNWATCHED).expect("solved");
             assert_near(&SQUARE, &warp.positions, 1e-10, |node| at(&whole.positions, node));
         }
         assert!(held.holds(&places, mode) && !held.holds(&places[1..], mode));

@@ -16,7 +16,7 @@ pub(super) const BLOCK_WIDTH: usize = 64;
 const SPREAD: usize = 8;
 /// Rows from the one that is copied to the one that is fetched.
 const AHEAD: usize = 4;
-/// More than a footprint of samples that nobody reads.
+/// More than a footprint, for samples whose sums are not used.
 static FAR: [[f32; 1]; 64] = [[0.0]; 64];
 /// Lanes of a search for the least and the greatest.
 const LANES: usize = 32;

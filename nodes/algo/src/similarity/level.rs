@@ -33,6 +33,11 @@ impl Neighbourhood {
         self.disc.len() / 2
     }
 
+    /// Bytes of what a point's surroundings are compared with, at most.
+    pub fn probe_bytes(&self) -> usize {
+        2 * self.diameter() * self.diameter() * size_of::<(usize, Pair)>()
+    }
+
     fn holds(&self, dx: usize, dy: usize) -> bool {
         self.disc.get(dy).is_some_and(|wide| dx.abs_diff(self.reach()) <= *wide)
     }
@@ -106,6 +111,11 @@ impl<'a> Rows<'a> {
         let inside = |x: usize| [x, reach + around.boundary.inside(x as isize - reach as isize, width)];
         let beyond = (0..reach).chain(reach + width..width + 2 * reach).map(inside).collect();
         Self { level, around, stride, pairs: vec![[0; 2]; 3 * stride * (ROWS + 2 * reach)], beyond }
+    }
+
+    /// Bytes that they take.
+    pub fn bytes(level: &Level, around: &Neighbourhood) -> usize {
+        3 * (level.columns() + 2 * around.reach()) * (ROWS + 2 * around.reach()) * size_of::<Pair>()
     }
 
     /// Lays out `count` rows, at most [`ROWS`], from `top` on.

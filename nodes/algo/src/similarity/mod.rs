@@ -151,7 +151,9 @@ pub fn distances(guide: &Guide, points: &[[usize; 2]], out: ViewMut<f32>, watch:
     assert!(!points.is_empty() && [out.width(), out.height()] == guide.size, "points, and the guide's size");
     assert!(points.iter().all(|[x, y]| *x < guide.size[0] && *y < guide.size[1]), "points lie in the picture");
     let [finest, coarser @ ..] = &guide.levels[..] else { unreachable!("a picture with points has a level") };
-    watch.reserve(points.len() * coarser.iter().map(|l| l.columns() * l.size[1] * size_of::<i32>()).sum::<usize>())?;
+    let maps = coarser.iter().map(|level| level.columns() * level.size[1] * size_of::<i32>()).sum::<usize>();
+    let rows = Rows::bytes(finest, &guide.around) * (rayon::current_num_threads() + 1);
+    watch.reserve(points.len().saturating_mul(maps + guide.around.probe_bytes()).saturating_add(rows))?;
     let points = compared(guide, points, watch)?;
     // Rows of the finest level that are made together.
     let together = (ROWS >> finest.number).max(1);
