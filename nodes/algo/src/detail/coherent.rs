@@ -15,6 +15,9 @@ pub(super) const BYTES: usize = 12 + 16 + 2 * size_of::<Look>() + 5;
 /// How often every pixel of a level chooses anew.
 const PASSES: usize = 2;
 
+/// Of which rows and columns the constraint alone finds pixels, but on the coarsest level: one in so many.
+const THINNED: usize = 2;
+
 /// The source in the training picture of each wanted pixel of `target`.
 pub(super) fn sources(
     sets: &SimilarSets,
@@ -88,12 +91,15 @@ impl Matching<'_> {
         coarser: Option<Chosen>,
         watch: Watch,
     ) -> Result<Chosen, Interrupted> {
-        let (tree, training) = (Tree::new(&self.training, watch)?, &self.level.picture);
+        let training = &self.level.picture;
+        let some: Vec<u32> = self.some(if coarser.is_some() { THINNED } else { 1 });
+        let looks: Vec<Look> = some.par_iter().map(|&pixel| self.training[pixel as usize]).collect();
+        let tree = Tree::new(&looks, watch)?;
         let (width, height) = (picture.width, picture.height);
         let tried = |pixel: usize| {
             let [x, y] = [pixel % width, pixel / width];
             target.is_wanted(x, y, number).then(|| {
-                let near = tree.near(&self.constraint[pixel]);
+                let near = some[tree.near(&self.constraint[pixel]) as usize];
                 [target.start(x, y, number, training).unwrap_or(near), near]
             })
         };
@@ -112,6 +118,13 @@ impl Matching<'_> {
             *colour = source.map_or(*colour, |source| training.colours[source as usize]);
         }
         Ok(Chosen { sources, picture, tried, training_width: training.width })
+    }
+
+    /// Every `step`-th pixel of every `step`-th row of the training picture.
+    fn some(&self, step: usize) -> Vec<u32> {
+        let training = &self.level.picture;
+        let rows = (0..training.height).step_by(step);
+        rows.flat_map(|y| (0..training.width).step_by(step).map(move |x| (y * training.width + x) as u32)).collect()
     }
 
     /// How unlike the constraint at a pixel the blurred training picture is at a source.
@@ -143,7 +156,11 @@ impl Matching<'_> {
         let mut best = (f32::INFINITY, u32::MAX);
         let mut take = |source: u32, factor: f32| {
             let at = source as usize;
-            let unlike = distance(constraint, &self.training[at]) + distance(&sharp, &self.level.rings[at]);
+            let smooth = distance(constraint, &self.training[at]);
+            if factor * smooth > best.0 {
+                return;
+            }
+            let unlike = smooth + distance(&sharp, &self.level.rings[at]);
             best = if (factor * unlike, source) < best { (factor * unlike, source) } else { best };
         };
         let (mut seen, mut seen_count) = ([0; 9], 0);

@@ -7,6 +7,8 @@
 mod analogies;
 mod blur;
 mod coherent;
+mod encoding;
+mod local_blur;
 mod look;
 mod picture;
 mod similar;
@@ -130,7 +132,7 @@ pub fn detail(
         Method::Analogies => analogies::sources(sets, &blurred, &target, coherence, watch)?,
     };
     drop(blurred);
-    let residual = target.finish(sets, picture, &sources, settings.back_projections, &mut out, watch)?;
+    let residual = target.finish(sets, picture, &sources, settings.back_projections, out, watch)?;
     let pixels = sources.iter().flatten().count() as u64;
     Ok(Detailed { pixels, blur: target.variance.sqrt(), residual })
 }

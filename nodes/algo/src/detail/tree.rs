@@ -6,7 +6,7 @@ use super::look::distance;
 use crate::{Interrupted, Watch};
 
 /// Points that a leaf holds at most, but for one.
-const LEAF: usize = 24;
+pub(super) const LEAF: usize = 24;
 
 /// Cuts with more points than this are made side by side.
 const SHARED: usize = 4096;
