@@ -35,8 +35,8 @@ pub(super) fn sources(
         watch.progress(0.25_f64.powi(number as i32 + 1))?;
         let matching = Matching {
             level,
-            training: smooth(&training, watch)?,
-            constraint: smooth(&constraint, watch)?,
+            training: smooth(&training, |_, _| true, watch)?,
+            constraint: smooth(&constraint, |x, y| target.is_wanted(x, y, number), watch)?,
             penalty: 1.0 + coherence * 0.5_f32.powi(number as i32),
         };
         let mut chosen = matching.begin(target, number, constraint, coarser, watch)?;
@@ -51,7 +51,7 @@ pub(super) fn sources(
 /// What a level's choices rest on.
 struct Matching<'a> {
     level: &'a Level,
-    /// Smooth looks of the blurred training picture and of the constraint.
+    /// Smooth looks of the blurred training picture, and of the constraint where it is wanted.
     training: Vec<Look>,
     constraint: Vec<Look>,
     /// By what the cost of a source is multiplied that continues no neighbour's.

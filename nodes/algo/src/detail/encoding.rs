@@ -14,7 +14,7 @@ const FARTHEST: f32 = 1e9;
 const PLACES: u32 = 11;
 
 /// A power of positive numbers: of the fraction linear between the places of a table, times that of the exponent.
-struct Power {
+pub(super) struct Power {
     fractions: Vec<f64>,
     exponents: Vec<f64>,
 }

@@ -95,7 +95,7 @@ type Member = (f32, u32);
 
 /// Every pixel's similar set.
 fn similar(picture: &Picture, watch: Watch) -> Result<Vec<[u32; 2]>, Interrupted> {
-    let looks = smooth(picture, watch)?;
+    let looks = smooth(picture, |_, _| true, watch)?;
     let tree = Tree::new(&looks, watch)?;
     let in_leaf = |number: usize| {
         let leaf = tree.leaf(number);
