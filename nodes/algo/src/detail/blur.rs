@@ -69,7 +69,8 @@ pub(super) fn back_project(
     let [mut missing, mut correction] = [0, 1].map(|_| vec![0.0; plane.len()]);
     for step in 0..=steps {
         blur.apply(plane, &mut missing, watch)?;
-        let rows = missing.par_chunks_mut(width).zip(constraint.par_chunks(width)).zip(blur.variances.par_chunks(width));
+        let rows =
+            missing.par_chunks_mut(width).zip(constraint.par_chunks(width)).zip(blur.variances.par_chunks(width));
         let of_rows: Vec<f64> = rows.map(|((row, constraint), known)| lack(row, constraint, known)).collect();
         let sum = of_rows.iter().sum();
         sums = if step == 0 { [sum; 2] } else { [sums[0], sum] };

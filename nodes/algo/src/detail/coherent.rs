@@ -13,7 +13,7 @@ use crate::{Interrupted, Watch};
 pub(super) const BYTES: usize = 12 + 16 + 2 * size_of::<Look>() + 5;
 
 /// How often every pixel of a level chooses anew.
-const PASSES: usize = 2;
+const PASSES: u8 = 2;
 
 /// Of which rows and columns the constraint alone finds pixels, but on the coarsest level: one in so many.
 const THINNED: usize = 2;
@@ -41,7 +41,7 @@ pub(super) fn sources(
         };
         let mut chosen = matching.begin(target, number, constraint, coarser, watch)?;
         for turn in 0..4 * PASSES {
-            matching.choose(&mut chosen, [turn & 1, turn >> 1 & 1], watch)?;
+            matching.choose(&mut chosen, turn, watch)?;
         }
         coarser = Some(chosen);
     }
@@ -66,6 +66,8 @@ struct Chosen {
     picture: Picture,
     /// For each pixel that is wanted, sources that are tried besides: by the warp and by the constraint.
     tried: Vec<Option<[u32; 2]>>,
+    /// The sub-pass after which each pixel last had another source, counted from 1; 0 for none.
+    changed: Vec<u8>,
     /// Width of the training picture.
     training_width: usize,
 }
@@ -78,6 +80,16 @@ impl Chosen {
         let across = (2 * across + x % 2).min(training.width - 1);
         let down = (2 * down + y % 2).min(training.height - 1);
         Some((down * training.width + across) as u32)
+    }
+}
+
+impl Chosen {
+    /// Whether a pixel or one beside it changed in a sub-pass or after it.
+    fn changed_since(&self, turn: u8, x: usize, y: usize) -> bool {
+        let [width, height] = [self.picture.width, self.picture.height];
+        let columns = x.saturating_sub(1)..width.min(x + 2);
+        let mut rows = y.saturating_sub(1)..height.min(y + 2);
+        rows.any(|y| self.changed[y * width..][columns.clone()].iter().any(|&changed| changed > turn))
     }
 }
 
@@ -96,28 +108,25 @@ impl Matching<'_> {
         let looks: Vec<Look> = some.par_iter().map(|&pixel| self.training[pixel as usize]).collect();
         let tree = Tree::new(&looks, watch)?;
         let (width, height) = (picture.width, picture.height);
-        let tried = |pixel: usize| {
+        let begin = |pixel: usize| {
             let [x, y] = [pixel % width, pixel / width];
             target.is_wanted(x, y, number).then(|| {
                 let near = some[tree.near(&self.constraint[pixel]) as usize];
-                [target.start(x, y, number, training).unwrap_or(near), near]
+                let by_warp = target.start(x, y, number, training);
+                let finer = coarser.as_ref().and_then(|coarser| coarser.finer(x, y, training));
+                let of_both = finer.into_iter().chain(by_warp).map(|source| (self.unlike(pixel, source), source));
+                let first = of_both.fold((f32::INFINITY, near), |a, b| if b.0 < a.0 { b } else { a });
+                (first.1, [by_warp.unwrap_or(near), near])
             })
         };
-        let tried: Vec<Option<[u32; 2]>> = each(width, height, watch, tried)?;
-        let first = |pixel: usize| {
-            let [x, y] = [pixel % width, pixel / width];
-            let [_, near] = tried[pixel]?;
-            let by_warp = target.start(x, y, number, training);
-            let finer = coarser.as_ref().and_then(|coarser| coarser.finer(x, y, training));
-            let of_both = finer.into_iter().chain(by_warp).map(|source| (self.unlike(pixel, source), source));
-            let best = of_both.fold((f32::INFINITY, near), |a, b| if b.0 < a.0 { b } else { a });
-            Some(best.1)
-        };
-        let sources = each(width, height, watch, first)?;
-        for (colour, source) in picture.colours.iter_mut().zip(&sources) {
+        let begun: Vec<Option<(u32, [u32; 2])>> = each(width, height, watch, begin)?;
+        let sources: Vec<_> = begun.par_iter().map(|begun| begun.map(|(source, _)| source)).collect();
+        let tried = begun.par_iter().map(|begun| begun.map(|(_, tried)| tried)).collect();
+        picture.colours.par_iter_mut().zip(&sources).for_each(|(colour, source)| {
             *colour = source.map_or(*colour, |source| training.colours[source as usize]);
-        }
-        Ok(Chosen { sources, picture, tried, training_width: training.width })
+        });
+        let changed = vec![0; sources.len()];
+        Ok(Chosen { sources, picture, tried, changed, training_width: training.width })
     }
 
     /// Every `step`-th pixel of every `step`-th row of the training picture.
@@ -132,17 +141,22 @@ impl Matching<'_> {
         distance(&self.constraint[pixel], &self.training[source as usize])
     }
 
-    /// The pixels of every other row and column choose, seeing what all had chosen before.
-    fn choose(&self, chosen: &mut Chosen, [left, top]: [usize; 2], watch: Watch) -> Result<(), Interrupted> {
+    /// The pixels of every other row and column choose, seeing what all had chosen before; but not those around which
+    /// nothing changed since they last did.
+    fn choose(&self, chosen: &mut Chosen, turn: u8, watch: Watch) -> Result<(), Interrupted> {
         let (width, height) = (chosen.picture.width, chosen.picture.height);
+        let [left, top] = [turn & 1, turn >> 1 & 1].map(usize::from);
         let rows = (top..height).into_par_iter().step_by(2).map(|y| {
-            let pixels = (left..width).step_by(2).filter(|x| chosen.tried[y * width + x].is_some());
+            let chooses =
+                |x: usize| chosen.tried[y * width + x].is_some() && (turn < 4 || chosen.changed_since(turn - 4, x, y));
+            let pixels = (left..width).step_by(2).filter(|&x| chooses(x));
             let changed = pixels.map(|x| (y * width + x, self.best(chosen, x, y)));
             let changed: Vec<_> = changed.filter(|&(pixel, best)| chosen.sources[pixel] != Some(best)).collect();
             watch.go_on().map(|()| changed)
         });
         for (pixel, best) in rows.collect::<Result<Vec<_>, _>>()?.into_iter().flatten() {
             chosen.sources[pixel] = Some(best);
+            chosen.changed[pixel] = turn + 1;
             chosen.picture.colours[pixel] = self.level.picture.colours[best as usize];
         }
         Ok(())
