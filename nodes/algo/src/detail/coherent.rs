@@ -9,8 +9,8 @@ use super::similar::{Level, SimilarSets};
 use super::tree::Tree;
 use crate::{Interrupted, Watch};
 
-/// Bytes per pixel of the training picture: blurred planes, their colours and looks, and a tree of these.
-pub(super) const BYTES: usize = 12 + 16 + 2 * size_of::<Look>() + 5;
+/// Bytes per pixel of the training picture: blurred planes, their colours and looks, and a tree of a quarter of these.
+pub(super) const BYTES: usize = 12 + 16 + size_of::<Look>() + (2 * size_of::<Look>() + 16) / 4;
 
 /// How often every pixel of a level chooses anew.
 const PASSES: u8 = 2;
@@ -64,8 +64,9 @@ struct Chosen {
     sources: Vec<Option<u32>>,
     /// What that looks like.
     picture: Picture,
-    /// For each pixel that is wanted, sources that are tried besides: by the warp and by the constraint.
-    tried: Vec<Option<[u32; 2]>>,
+    /// For each pixel that is wanted, where it begins, and sources that are tried besides: by the warp and by the
+    /// constraint.
+    tried: Vec<Option<[u32; 3]>>,
     /// The sub-pass after which each pixel last had another source, counted from 1; 0 for none.
     changed: Vec<u8>,
     /// Width of the training picture.
@@ -116,12 +117,11 @@ impl Matching<'_> {
                 let finer = coarser.as_ref().and_then(|coarser| coarser.finer(x, y, training));
                 let of_both = finer.into_iter().chain(by_warp).map(|source| (self.unlike(pixel, source), source));
                 let first = of_both.fold((f32::INFINITY, near), |a, b| if b.0 < a.0 { b } else { a });
-                (first.1, [by_warp.unwrap_or(near), near])
+                [first.1, by_warp.unwrap_or(near), near]
             })
         };
-        let begun: Vec<Option<(u32, [u32; 2])>> = each(width, height, watch, begin)?;
-        let sources: Vec<_> = begun.par_iter().map(|begun| begun.map(|(source, _)| source)).collect();
-        let tried = begun.par_iter().map(|begun| begun.map(|(_, tried)| tried)).collect();
+        let tried: Vec<Option<[u32; 3]>> = each(width, height, watch, begin)?;
+        let sources: Vec<_> = tried.par_iter().map(|tried| tried.map(|[first, ..]| first)).collect();
         picture.colours.par_iter_mut().zip(&sources).for_each(|(colour, source)| {
             *colour = source.map_or(*colour, |source| training.colours[source as usize]);
         });
@@ -191,7 +191,7 @@ impl Matching<'_> {
                 self.level.similar[source].iter().for_each(|&similar| take(similar, self.penalty));
             }
         }
-        chosen.tried[pixel].iter().flatten().for_each(|&source| take(source, self.penalty));
+        chosen.tried[pixel].iter().flat_map(|[_, others @ ..]| others).for_each(|&source| take(source, self.penalty));
         best.1
     }
 }

@@ -37,7 +37,7 @@ impl Power {
     }
 }
 
-/// An encoding with its tables; within 3e-7, relative, of what [`crate::transfer`] says.
+/// An encoding with its tables; within 5e-7, relative, of what [`crate::transfer`] says.
 pub(super) enum Coder {
     Srgb { root: Power, power: Power },
     Linear,
@@ -99,7 +99,7 @@ mod tests {
         let coder = Coder::new(Encoding::Srgb);
         let samples = (0..40_000).map(|i| libm::powf(1.001, i as f32 - 12_000.0)).filter(|x| x.is_finite());
         for x in samples.chain([0.0, 1.0, 0.003_130_8, 0.040_45, 0.5]).flat_map(|x| [x, -x]) {
-            let near = |a: f32, b: f32| (a - b).abs() <= 3e-7 * b.abs();
+            let near = |a: f32, b: f32| (a - b).abs() <= 5e-7 * b.abs();
             assert!(near(coder.encoded(x), linear_to_srgb(x).clamp(-FARTHEST, FARTHEST)), "encoded {x}");
             if x.abs() < 1e9 {
                 assert!(near(coder.linear(x), srgb_to_linear(x)), "linear {x}");

@@ -95,7 +95,7 @@ const PICTURE_BYTES: usize = 110;
 ///
 /// Shapes are asserted. Beyond borders lie mirrored pixels. A training picture without pixels changes nothing.
 ///
-/// Encodings go through tables, within 3e-7 of the standard.
+/// Encodings go through tables, within 5e-7 of the standard.
 ///
 /// Cost: linear in the magnified pixels' bounding box, O(n log n) in a quarter of the training picture's; most of it for
 /// the magnified pixels themselves. The result does not depend
