@@ -38,7 +38,7 @@ pub enum Encoding {
 }
 
 impl Node for SimilarSets {
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
     const OUTPUTS: &'static [Output] = &[Output::new("sets", Kind::Factor)];
 
     fn reads(&self, _: &str) -> Reads {

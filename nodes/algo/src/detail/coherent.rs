@@ -9,11 +9,14 @@ use super::similar::{Level, SimilarSets};
 use super::tree::Tree;
 use crate::{Interrupted, Watch};
 
-/// Bytes per pixel of the training picture: blurred planes, their colours and looks, and a tree of these.
-pub(super) const BYTES: usize = 12 + 16 + 2 * size_of::<Look>() + 5;
+/// Bytes per pixel of the training picture: blurred planes, their colours and looks, and a tree of a quarter of these.
+pub(super) const BYTES: usize = 12 + 16 + size_of::<Look>() + (2 * size_of::<Look>() + 16) / 4;
 
 /// How often every pixel of a level chooses anew.
-const PASSES: usize = 2;
+const PASSES: u8 = 2;
+
+/// Of which rows and columns the constraint alone finds pixels, but on the coarsest level: one in so many.
+const THINNED: usize = 2;
 
 /// The source in the training picture of each wanted pixel of `target`.
 pub(super) fn sources(
@@ -32,13 +35,13 @@ pub(super) fn sources(
         watch.progress(0.25_f64.powi(number as i32 + 1))?;
         let matching = Matching {
             level,
-            training: smooth(&training, watch)?,
-            constraint: smooth(&constraint, watch)?,
+            training: smooth(&training, |_, _| true, watch)?,
+            constraint: smooth(&constraint, |x, y| target.is_wanted(x, y, number), watch)?,
             penalty: 1.0 + coherence * 0.5_f32.powi(number as i32),
         };
         let mut chosen = matching.begin(target, number, constraint, coarser, watch)?;
         for turn in 0..4 * PASSES {
-            matching.choose(&mut chosen, [turn & 1, turn >> 1 & 1], watch)?;
+            matching.choose(&mut chosen, turn, watch)?;
         }
         coarser = Some(chosen);
     }
@@ -48,7 +51,7 @@ pub(super) fn sources(
 /// What a level's choices rest on.
 struct Matching<'a> {
     level: &'a Level,
-    /// Smooth looks of the blurred training picture and of the constraint.
+    /// Smooth looks of the blurred training picture, and of the constraint where it is wanted.
     training: Vec<Look>,
     constraint: Vec<Look>,
     /// By what the cost of a source is multiplied that continues no neighbour's.
@@ -61,8 +64,11 @@ struct Chosen {
     sources: Vec<Option<u32>>,
     /// What that looks like.
     picture: Picture,
-    /// For each pixel that is wanted, sources that are tried besides: by the warp and by the constraint.
-    tried: Vec<Option<[u32; 2]>>,
+    /// For each pixel that is wanted, where it begins, and sources that are tried besides: by the warp and by the
+    /// constraint.
+    tried: Vec<Option<[u32; 3]>>,
+    /// The sub-pass after which each pixel last had another source, counted from 1; 0 for none.
+    changed: Vec<u8>,
     /// Width of the training picture.
     training_width: usize,
 }
@@ -78,6 +84,16 @@ impl Chosen {
     }
 }
 
+impl Chosen {
+    /// Whether a pixel or one beside it changed in a sub-pass or after it.
+    fn changed_since(&self, turn: u8, x: usize, y: usize) -> bool {
+        let [width, height] = [self.picture.width, self.picture.height];
+        let columns = x.saturating_sub(1)..width.min(x + 2);
+        let mut rows = y.saturating_sub(1)..height.min(y + 2);
+        rows.any(|y| self.changed[y * width..][columns.clone()].iter().any(|&changed| changed > turn))
+    }
+}
+
 impl Matching<'_> {
     /// What the coarser level or the warp says, whichever is more alike; else what the constraint alone says.
     fn begin(
@@ -88,30 +104,36 @@ impl Matching<'_> {
         coarser: Option<Chosen>,
         watch: Watch,
     ) -> Result<Chosen, Interrupted> {
-        let (tree, training) = (Tree::new(&self.training, watch)?, &self.level.picture);
+        let training = &self.level.picture;
+        let some: Vec<u32> = self.some(if coarser.is_some() { THINNED } else { 1 });
+        let looks: Vec<Look> = some.par_iter().map(|&pixel| self.training[pixel as usize]).collect();
+        let tree = Tree::new(&looks, watch)?;
         let (width, height) = (picture.width, picture.height);
-        let tried = |pixel: usize| {
+        let begin = |pixel: usize| {
             let [x, y] = [pixel % width, pixel / width];
             target.is_wanted(x, y, number).then(|| {
-                let near = tree.near(&self.constraint[pixel]);
-                [target.start(x, y, number, training).unwrap_or(near), near]
+                let near = some[tree.near(&self.constraint[pixel]) as usize];
+                let by_warp = target.start(x, y, number, training);
+                let finer = coarser.as_ref().and_then(|coarser| coarser.finer(x, y, training));
+                let of_both = finer.into_iter().chain(by_warp).map(|source| (self.unlike(pixel, source), source));
+                let first = of_both.fold((f32::INFINITY, near), |a, b| if b.0 < a.0 { b } else { a });
+                [first.1, by_warp.unwrap_or(near), near]
             })
         };
-        let tried: Vec<Option<[u32; 2]>> = each(width, height, watch, tried)?;
-        let first = |pixel: usize| {
-            let [x, y] = [pixel % width, pixel / width];
-            let [_, near] = tried[pixel]?;
-            let by_warp = target.start(x, y, number, training);
-            let finer = coarser.as_ref().and_then(|coarser| coarser.finer(x, y, training));
-            let of_both = finer.into_iter().chain(by_warp).map(|source| (self.unlike(pixel, source), source));
-            let best = of_both.fold((f32::INFINITY, near), |a, b| if b.0 < a.0 { b } else { a });
-            Some(best.1)
-        };
-        let sources = each(width, height, watch, first)?;
-        for (colour, source) in picture.colours.iter_mut().zip(&sources) {
+        let tried: Vec<Option<[u32; 3]>> = each(width, height, watch, begin)?;
+        let sources: Vec<_> = tried.par_iter().map(|tried| tried.map(|[first, ..]| first)).collect();
+        picture.colours.par_iter_mut().zip(&sources).for_each(|(colour, source)| {
             *colour = source.map_or(*colour, |source| training.colours[source as usize]);
-        }
-        Ok(Chosen { sources, picture, tried, training_width: training.width })
+        });
+        let changed = vec![0; sources.len()];
+        Ok(Chosen { sources, picture, tried, changed, training_width: training.width })
+    }
+
+    /// Every `step`-th pixel of every `step`-th row of the training picture.
+    fn some(&self, step: usize) -> Vec<u32> {
+        let training = &self.level.picture;
+        let rows = (0..training.height).step_by(step);
+        rows.flat_map(|y| (0..training.width).step_by(step).map(move |x| (y * training.width + x) as u32)).collect()
     }
 
     /// How unlike the constraint at a pixel the blurred training picture is at a source.
@@ -119,17 +141,22 @@ impl Matching<'_> {
         distance(&self.constraint[pixel], &self.training[source as usize])
     }
 
-    /// The pixels of every other row and column choose, seeing what all had chosen before.
-    fn choose(&self, chosen: &mut Chosen, [left, top]: [usize; 2], watch: Watch) -> Result<(), Interrupted> {
+    /// The pixels of every other row and column choose, seeing what all had chosen before; but not those around which
+    /// nothing changed since they last did.
+    fn choose(&self, chosen: &mut Chosen, turn: u8, watch: Watch) -> Result<(), Interrupted> {
         let (width, height) = (chosen.picture.width, chosen.picture.height);
+        let [left, top] = [turn & 1, turn >> 1 & 1].map(usize::from);
         let rows = (top..height).into_par_iter().step_by(2).map(|y| {
-            let pixels = (left..width).step_by(2).filter(|x| chosen.tried[y * width + x].is_some());
+            let chooses =
+                |x: usize| chosen.tried[y * width + x].is_some() && (turn < 4 || chosen.changed_since(turn - 4, x, y));
+            let pixels = (left..width).step_by(2).filter(|&x| chooses(x));
             let changed = pixels.map(|x| (y * width + x, self.best(chosen, x, y)));
             let changed: Vec<_> = changed.filter(|&(pixel, best)| chosen.sources[pixel] != Some(best)).collect();
             watch.go_on().map(|()| changed)
         });
         for (pixel, best) in rows.collect::<Result<Vec<_>, _>>()?.into_iter().flatten() {
             chosen.sources[pixel] = Some(best);
+            chosen.changed[pixel] = turn + 1;
             chosen.picture.colours[pixel] = self.level.picture.colours[best as usize];
         }
         Ok(())
@@ -143,7 +170,11 @@ impl Matching<'_> {
         let mut best = (f32::INFINITY, u32::MAX);
         let mut take = |source: u32, factor: f32| {
             let at = source as usize;
-            let unlike = distance(constraint, &self.training[at]) + distance(&sharp, &self.level.rings[at]);
+            let smooth = distance(constraint, &self.training[at]);
+            if factor * smooth > best.0 {
+                return;
+            }
+            let unlike = smooth + distance(&sharp, &self.level.rings[at]);
             best = if (factor * unlike, source) < best { (factor * unlike, source) } else { best };
         };
         let (mut seen, mut seen_count) = ([0; 9], 0);
@@ -160,7 +191,7 @@ impl Matching<'_> {
                 self.level.similar[source].iter().for_each(|&similar| take(similar, self.penalty));
             }
         }
-        chosen.tried[pixel].iter().flatten().for_each(|&source| take(source, self.penalty));
+        chosen.tried[pixel].iter().flat_map(|[_, others @ ..]| others).for_each(|&source| take(source, self.penalty));
         best.1
     }
 }

@@ -2,16 +2,10 @@
 
 use rayon::prelude::*;
 
-use super::Encoding;
-use crate::transfer::{linear_to_srgb, srgb_to_linear};
-use crate::view::View;
 use crate::{Interrupted, Watch};
 
 /// Luma, R - luma and B - luma of a pixel, and a zero that fills the lane.
 pub(super) type Colour = [f32; 4];
-
-/// Samples beyond this are taken for it, so that sums of squares stay finite.
-const FARTHEST: f32 = 1e9;
 
 /// A value for each pixel, rows side by side.
 pub(super) fn each<T: Clone + Default + Send>(
@@ -39,40 +33,6 @@ pub(super) fn mirrored(i: isize, n: usize) -> usize {
     }
     let i = if last == 0 { 0 } else { i.rem_euclid(2 * last) };
     i.min(2 * last - i) as usize
-}
-
-impl Encoding {
-    /// What is compared of a linear sample; what is not finite counts as 0.
-    pub(super) fn encoded(self, linear: f32) -> f32 {
-        let value = match self {
-            Self::Srgb => linear_to_srgb(linear),
-            Self::Linear => linear,
-        };
-        if value.is_finite() { value.clamp(-FARTHEST, FARTHEST) } else { 0.0 }
-    }
-
-    /// The linear sample of an encoded one.
-    pub(super) fn linear(self, encoded: f32) -> f32 {
-        match self {
-            Self::Srgb => srgb_to_linear(encoded),
-            Self::Linear => encoded,
-        }
-    }
-
-    /// The encoded samples of planes, row by row without gaps.
-    pub(super) fn planes(self, planes: &[View<f32>; 3], watch: Watch) -> Result<[Vec<f32>; 3], Interrupted> {
-        let plane = |plane: &View<f32>| {
-            let mut out = vec![0.0; plane.width() * plane.height()];
-            let rows = out.par_chunks_mut(plane.width().max(1)).enumerate();
-            rows.try_for_each(|(y, out)| {
-                out.iter_mut().zip(plane.row(y)).for_each(|(out, &sample)| *out = self.encoded(sample));
-                watch.go_on()
-            })?;
-            Ok(out)
-        };
-        let [r, g, b] = planes;
-        Ok([plane(r)?, plane(g)?, plane(b)?])
-    }
 }
 
 /// Colours row by row.

@@ -3,9 +3,10 @@
 use rayon::prelude::*;
 
 use super::Encoding;
+use super::encoding::Coder;
 use super::look::{Look, distance, rings, smooth};
 use super::picture::{Picture, each, pyramid};
-use super::tree::Tree;
+use super::tree::{LEAF, Tree};
 use crate::view::View;
 use crate::{Interrupted, Watch};
 
@@ -18,7 +19,7 @@ const BYTES: usize = 12 + 16 * 4 / 3 + 2 * size_of::<Look>() + 5 + 2 * size_of::
 
 /// A training picture as [`detail`](super::detail) needs it.
 pub struct SimilarSets {
-    pub(super) encoding: Encoding,
+    pub(super) coder: Coder,
     pub(super) width: usize,
     pub(super) height: usize,
     /// R, G, B, encoded.
@@ -76,7 +77,8 @@ pub fn similar_sets(
     let (width, height) = (planes[0].width(), planes[0].height());
     assert!(planes.iter().all(|plane| (plane.width(), plane.height()) == (width, height)), "planes of one size");
     watch.reserve(width * height * BYTES)?;
-    let planes = encoding.planes(planes, watch)?;
+    let coder = Coder::new(encoding);
+    let planes = coder.planes(planes, watch)?;
     let empty = width == 0 || height == 0;
     let pictures = if empty { Vec::new() } else { pyramid(&planes, width, height, levels, watch)? };
     let mut levels = Vec::new();
@@ -85,7 +87,7 @@ pub fn similar_sets(
         let (similar, rings) = (similar(&picture, watch)?, rings(&picture, watch)?);
         levels.push(Level { picture, rings, similar });
     }
-    Ok(SimilarSets { encoding, width, height, planes, levels })
+    Ok(SimilarSets { coder, width, height, planes, levels })
 }
 
 /// How unlike a pixel is, and which.
@@ -93,13 +95,16 @@ type Member = (f32, u32);
 
 /// Every pixel's similar set.
 fn similar(picture: &Picture, watch: Watch) -> Result<Vec<[u32; 2]>, Interrupted> {
-    let looks = smooth(picture, watch)?;
+    let looks = smooth(picture, |_, _| true, watch)?;
     let tree = Tree::new(&looks, watch)?;
     let in_leaf = |number: usize| {
         let leaf = tree.leaf(number);
         let of_pixel = |i: usize| {
-            let members = leaf.clone().map(|j| (distance(&tree.points[i], &tree.points[j]), tree.order[j]));
-            two(picture, tree.order[i], members.collect())
+            let mut members = [(0.0, 0); LEAF + 1];
+            for (member, j) in members.iter_mut().zip(leaf.clone()) {
+                *member = (distance(&tree.points[i], &tree.points[j]), tree.order[j]);
+            }
+            two(picture, tree.order[i], &members[..leaf.len()])
         };
         watch.go_on().map(|()| leaf.clone().map(of_pixel).collect())
     };
@@ -111,27 +116,33 @@ fn similar(picture: &Picture, watch: Watch) -> Result<Vec<[u32; 2]>, Interrupted
     }
     drop(tree);
     let spread = |pixel: usize| {
-        let mut members = Vec::with_capacity(10);
-        members.extend(found[pixel]);
+        let (mut members, mut count) = ([(0.0, 0); 10], 2);
+        members[..2].copy_from_slice(&found[pixel]);
         for (dx, dy) in [(-1, 0), (1, 0), (0, -1), (0, 1)] {
-            let sets = picture.beside(pixel, dx, dy).map(|beside| found[beside]);
-            let shifted =
-                sets.into_iter().flatten().filter_map(|(_, member)| picture.beside(member as usize, -dx, -dy));
-            members.extend(shifted.map(|member| (distance(&looks[pixel], &looks[member]), member as u32)));
+            let Some(beside) = picture.beside(pixel, dx, dy) else { continue };
+            for (_, member) in found[beside] {
+                if let Some(member) = picture.beside(member as usize, -dx, -dy) {
+                    members[count] = (distance(&looks[pixel], &looks[member]), member as u32);
+                    count += 1;
+                }
+            }
         }
-        two(picture, pixel as u32, members).map(|(_, member)| member)
+        two(picture, pixel as u32, &members[..count]).map(|(_, member)| member)
     };
     each(picture.width, picture.height, watch, spread)
 }
 
 /// The first and second of some members that lie apart from a pixel and each other; the pixel where there is none.
-fn two(picture: &Picture, pixel: u32, mut members: Vec<Member>) -> [Member; 2] {
-    let mut first_apart = |from: u32| {
-        members.retain(|&(_, member)| apart(picture.width, member, from) >= APART);
-        members.iter().copied().fold((f32::INFINITY, pixel), |best, member| if member < best { member } else { best })
+fn two(picture: &Picture, pixel: u32, members: &[Member]) -> [Member; 2] {
+    let none = (f32::INFINITY, pixel);
+    let best = |from: [u32; 2]| {
+        members.iter().copied().fold(none, |best, member| {
+            let better = member < best && from.iter().all(|&from| apart(picture.width, member.1, from) >= APART);
+            if better { member } else { best }
+        })
     };
-    let first = first_apart(pixel);
-    [first, first_apart(first.1)]
+    let first = best([pixel; 2]);
+    [first, best([pixel, first.1])]
 }
 
 /// The larger of two pixels' distances along x and y, px.

@@ -2,7 +2,9 @@
 
 use rayon::prelude::*;
 
-use super::blur::{LocalBlur, back_project};
+use super::blur::back_project;
+use super::encoding::Coder;
+use super::local_blur::LocalBlur;
 use super::picture::Picture;
 use super::similar::SimilarSets;
 use crate::lattice::Positions;
@@ -129,7 +131,7 @@ impl Target {
         let mut known: Vec<f32> = variances.iter().copied().filter(|variance| !variance.is_nan()).collect();
         let quantile = (QUANTILE * (known.len() - 1) as f64) as usize;
         let variance = f64::from(*known.select_nth_unstable_by(quantile, f32::total_cmp).1);
-        let (planes, starts) = (sets.encoding.planes(&cut, watch)?, pixels().map(start).collect());
+        let (planes, starts) = (sets.coder.planes(&cut, watch)?, pixels().map(start).collect());
         Ok(Self { width, height, planes, variance, frame, weights, variances, starts })
     }
 
@@ -153,35 +155,38 @@ impl Target {
         picture: &[View<f32>; 3],
         sources: &[Option<u32>],
         steps: usize,
-        out: &mut [ViewMut<f32>; 3],
+        out: [ViewMut<f32>; 3],
         watch: Watch,
     ) -> Result<[f64; 2], Interrupted> {
         let blur = LocalBlur::new(self.width, &self.variances);
         let mut sums = [0.0; 2];
-        for channel in 0..3 {
+        for (channel, out) in out.into_iter().enumerate() {
             let (constraint, training) = (&self.planes[channel], &sets.planes[channel]);
             let value = |(source, own): (&Option<u32>, &f32)| source.map_or(*own, |source| training[source as usize]);
-            let mut made: Vec<f32> = sources.iter().zip(constraint).map(value).collect();
-            let sum = back_project(&blur, constraint, &self.variances, &mut made, steps, watch)?;
+            let mut made: Vec<f32> = sources.par_iter().zip(constraint).map(value).collect();
+            let sum = back_project(&blur, constraint, &mut made, steps, watch)?;
             sums = [sums[0] + sum[0], sums[1] + sum[1]];
-            self.write(channel, sets, &picture[channel], &made, &mut out[channel]);
+            self.write(channel, &sets.coder, &picture[channel], &made, out);
         }
         let count = 3.0 * self.weights.iter().filter(|&&weight| weight > 0.0).count() as f64;
         Ok(sums.map(|sum| (sum / count).sqrt()))
     }
 
     /// Fades what was made in.
-    fn write(&self, channel: usize, sets: &SimilarSets, plane: &View<f32>, made: &[f32], out: &mut ViewMut<f32>) {
-        let left = self.frame.x0 as usize;
-        for row in 0..self.height {
-            let (y, pixels) = (self.frame.y0 as usize + row, row * self.width..(row + 1) * self.width);
-            let out = &mut out.row_mut(y)[left..left + self.width];
+    fn write(&self, channel: usize, coder: &Coder, plane: &View<f32>, made: &[f32], out: ViewMut<f32>) {
+        let [left, top] = [self.frame.x0 as usize, self.frame.y0 as usize];
+        out.par_rows(|y, out| {
+            let Some(row) = y.checked_sub(top).filter(|&row| row < self.height) else {
+                return;
+            };
+            let pixels = row * self.width..(row + 1) * self.width;
+            let out = &mut out[left..left + self.width];
             for ((out, pixel), sample) in out.iter_mut().zip(pixels).zip(&plane.row(y)[left..]) {
                 let (weight, own) = (self.weights[pixel], self.planes[channel][pixel]);
                 if weight > 0.0 && sample.is_finite() {
-                    *out = sets.encoding.linear(own + weight * (made[pixel] - own));
+                    *out = coder.linear(own + weight * (made[pixel] - own));
                 }
             }
-        }
+        });
     }
 }

@@ -3,7 +3,8 @@ use crate::UNWATCHED;
 use crate::lattice::Lattice;
 use crate::rect::Rect;
 use crate::resample::{Map, pixel_sources};
-use blur::{LocalBlur, blurred};
+use blur::blurred;
+use local_blur::LocalBlur;
 use look::distance;
 use tree::Tree;
 
@@ -317,22 +318,45 @@ fn the_blur_has_its_variance_and_its_transpose() {
     let variances: Vec<f32> =
         (0..40 * 30).map(|i| if i % 11 == 0 { f32::NAN } else { 0.2 * (i % 40) as f32 }).collect();
     let blur = LocalBlur::new(40, &variances);
+    let through = |plane: &[f32], transposed: bool| {
+        let mut out = vec![9.0; plane.len()];
+        let done = if transposed { LocalBlur::transposed } else { LocalBlur::apply }(&blur, plane, &mut out, UNWATCHED);
+        done.map(|()| out).expect("unwatched")
+    };
     let [a, b] = [0, 1].map(|channel| (0..1200).map(|i| noise(channel, i, 5)).collect::<Vec<f32>>());
     let dot = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| f64::from(a * b)).sum::<f64>();
-    let there = dot(&blur.apply(&a, UNWATCHED).expect("unwatched"), &b);
-    let back = dot(&a, &blur.transposed(&b, UNWATCHED).expect("unwatched"));
+    let there = dot(&through(&a, false), &b);
+    let back = dot(&a, &through(&b, true));
     assert!((there - back).abs() < 1e-4 * there, "{there} {back}");
     // Applied to squared distances along x the blur adds its variance, and to constants nothing.
     let (at, middle) = (15 * 40 + 20, 20.0_f32);
     let squares: Vec<f32> = (0..1200).map(|i| ((i % 40) as f32 - middle).powi(2)).collect();
-    let spread = blur.apply(&squares, UNWATCHED).expect("unwatched")[at];
+    let spread = through(&squares, false)[at];
     assert!((spread / variances[at] - 1.0).abs() < 0.05, "{spread} of {}", variances[at]);
-    let ones = blur.apply(&[1.0; 1200], UNWATCHED).expect("unwatched");
+    let ones = through(&[1.0; 1200], false);
     assert!(ones.iter().zip(&variances).all(|(one, v)| if v.is_nan() {
         *one == 0.0
     } else {
         (one - 1.0).abs() < 1e-5
     }));
+}
+
+/// Of one variance it is the Gaussian, tile by tile, whatever is known beside it.
+#[test]
+fn a_local_blur_joins_its_tiles() {
+    let (width, height) = (150, 90);
+    let plane: Vec<f32> = (0..width * height).map(|i| noise(0, i % width, i / width)).collect();
+    let is_known = |i: usize| i % width > 69 && i / width < 80;
+    let variances: Vec<f32> = (0..plane.len()).map(|i| if is_known(i) { 40.0 } else { f32::NAN }).collect();
+    let blur = LocalBlur::new(width, &variances);
+    let [mut there, mut back] = [0, 1].map(|_| vec![9.0; plane.len()]);
+    blur.apply(&plane, &mut there, UNWATCHED).expect("unwatched");
+    blur.transposed(&plane, &mut back, UNWATCHED).expect("unwatched");
+    let masked: Vec<f32> = plane.iter().enumerate().map(|(i, v)| if is_known(i) { *v } else { 0.0 }).collect();
+    let [all, part] = [&plane, &masked].map(|plane| blurred(plane, width, 40.0, UNWATCHED).expect("unwatched"));
+    for i in (0..plane.len()).filter(|&i| is_known(i)) {
+        assert_eq!([there[i], back[i]], [all[i], part[i]], "pixel {i}");
+    }
 }
 
 #[test]

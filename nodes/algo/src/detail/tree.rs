@@ -6,7 +6,7 @@ use super::look::distance;
 use crate::{Interrupted, Watch};
 
 /// Points that a leaf holds at most, but for one.
-const LEAF: usize = 24;
+pub(super) const LEAF: usize = 24;
 
 /// Cuts with more points than this are made side by side.
 const SHARED: usize = 4096;
@@ -41,7 +41,7 @@ impl<const D: usize> Tree<D> {
         }
         let mut order: Vec<u32> = (0..points.len() as u32).collect();
         let mut cuts = vec![Cut::default(); (1 << depth) - 1];
-        cut(points, &mut order, &mut cuts, watch)?;
+        cut(points, &mut order, &mut vec![0; points.len()], &mut cuts, watch)?;
         let points = order.iter().map(|&number| points[number as usize]).collect();
         Ok(Self { cuts, depth, order, points })
     }
@@ -114,10 +114,11 @@ fn half(range: Range<usize>, upper: bool) -> Range<usize> {
     if upper { middle..range.end } else { range.start..middle }
 }
 
-/// Orders points so that each half lies on one side of its cut.
+/// Orders points so that each half lies on one side of its cut. `keys`: scratch space, one for each of `order`.
 fn cut<const D: usize>(
     points: &[[f32; D]],
     order: &mut [u32],
+    keys: &mut [u64],
     cuts: &mut [Cut],
     watch: Watch,
 ) -> Result<(), Interrupted> {
@@ -127,19 +128,31 @@ fn cut<const D: usize>(
     let axis = widest(points, order);
     let coordinate = |number: u32| points[number as usize][axis];
     let middle = order.len() / 2;
-    order.select_nth_unstable_by(middle, |&a, &b| coordinate(a).total_cmp(&coordinate(b)).then(a.cmp(&b)));
+    // As whole numbers that rise with the coordinate, then with the point's number, keys are compared without branches.
+    for (key, &number) in keys.iter_mut().zip(&*order) {
+        *key = u64::from(rising(coordinate(number))) << 32 | u64::from(number);
+    }
+    keys.select_nth_unstable(middle);
+    order.iter_mut().zip(&*keys).for_each(|(number, &key)| *number = key as u32);
     *first = Cut { axis: axis as u32, at: coordinate(order[middle]) };
     let shared = order.len() > SHARED;
     let ((lower, upper), (lower_cuts, upper_cuts)) = (order.split_at_mut(middle), rest.split_at_mut(rest.len() / 2));
+    let (lower_keys, upper_keys) = keys.split_at_mut(middle);
     if shared {
         watch.go_on()?;
-        let lower = || cut(points, lower, lower_cuts, watch);
-        let (lower, upper) = rayon::join(lower, || cut(points, upper, upper_cuts, watch));
+        let lower = || cut(points, lower, lower_keys, lower_cuts, watch);
+        let (lower, upper) = rayon::join(lower, || cut(points, upper, upper_keys, upper_cuts, watch));
         lower.and(upper)
     } else {
-        cut(points, lower, lower_cuts, watch)?;
-        cut(points, upper, upper_cuts, watch)
+        cut(points, lower, lower_keys, lower_cuts, watch)?;
+        cut(points, upper, upper_keys, upper_cuts, watch)
     }
+}
+
+/// A whole number that rises with a number, as `total_cmp` orders them.
+fn rising(number: f32) -> u32 {
+    let bits = number.to_bits();
+    bits ^ if bits >> 31 == 1 { u32::MAX } else { 1 << 31 }
 }
 
 /// The axis along which the points spread most; of equals the first.
