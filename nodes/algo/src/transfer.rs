@@ -87,6 +87,17 @@ pub fn unpremultiply(colour: &mut [f32], alpha: &[f32]) {
     map_straight(colour, alpha, |c| c, false);
 }
 
+/// Multiplies straight colour by alpha where it was changed; elsewhere premultiplied samples come back bit for bit.
+///
+/// `colour`: straight samples of one row, changed in place; `before`: as many, what they were before they were changed;
+/// `premultiplied`: as many, what that was made of by [`unpremultiply`]; `alpha`: as many.
+pub fn premultiply_changed(colour: &mut [f32], before: &[f32], premultiplied: &[f32], alpha: &[f32]) {
+    assert!([before, premultiplied, alpha].iter().all(|row| row.len() == colour.len()), "rows of one length");
+    for (((c, before), as_it_was), a) in colour.iter_mut().zip(before).zip(premultiplied).zip(alpha) {
+        *c = if c.to_bits() == before.to_bits() { *as_it_was } else { *c * a };
+    }
+}
+
 /// Applies `f` to the straight colour of premultiplied samples.
 ///
 /// `colour`: premultiplied samples of one row, changed in place to `f(c / a) * a`; `alpha`: as many. Where alpha is
@@ -116,6 +127,21 @@ mod tests {
         }
         // Middle grey of an 8-bit file, as every table of sRGB gives it.
         assert!((srgb_table(255)[128] - 0.215_860_5).abs() < 1e-6);
+    }
+
+    #[test]
+    fn what_was_not_changed_comes_back_bit_for_bit() {
+        let (premultiplied, alpha) = ([0.1, 0.3, 0.7, f32::NAN, 0.2], [0.3, 0.7, 0.0, 0.5, 0.9]);
+        let mut straight = premultiplied;
+        unpremultiply(&mut straight, &alpha);
+        let mut colour = straight;
+        colour[4] = 0.5;
+        premultiply_changed(&mut colour, &straight, &premultiplied, &alpha);
+        assert_eq!(
+            colour[..4].iter().map(|c| c.to_bits()).collect::<Vec<_>>(),
+            premultiplied[..4].iter().map(|c| c.to_bits()).collect::<Vec<_>>()
+        );
+        assert_eq!(colour[4], 0.45);
     }
 
     #[test]

@@ -6,8 +6,11 @@ mod similar_sets;
 pub use resynthesis::Detail;
 pub use similar_sets::SimilarSets;
 
-use warploom_core::node::NodeError;
+use warploom_algo::transfer;
+use warploom_core::node::{Context, NodeError};
 use warploom_core::value::{Buffer, Image, Layer, Plane};
+
+use crate::adapt::view_mut;
 
 /// The channels that carry a layer's colour: R, G and B, or Y alone.
 pub(crate) const COLOUR: [&[&str]; 2] = [&["R", "G", "B"], &["Y"]];
@@ -28,6 +31,29 @@ pub(crate) fn colour<'a>(
     found.ok_or_else(|| NodeError::refused("the picture needs channels R, G and B, or Y, that hold numbers").at(port))
 }
 
+/// A layer's alpha, and the planes of its colour, whose channels are `names`, not premultiplied: where alpha falls off the
+/// colour beneath goes on, and no detail is made of the edge. None without alpha.
+fn straight<'a>(
+    cx: &Context,
+    layer: &'a Layer,
+    names: &[&str],
+) -> Result<Option<(&'a Buffer<f32>, [Buffer<f32>; 3])>, NodeError> {
+    let Some(Plane::F32(alpha)) = layer.channel("A").map(|channel| &channel.plane) else { return Ok(None) };
+    let divided = |name: &&str| -> Result<Buffer<f32>, NodeError> {
+        let Some(Plane::F32(plane)) = layer.channel(name).map(|channel| &channel.plane) else {
+            unreachable!("{name} was found")
+        };
+        let mut out = cx.plane(layer.data.width(), layer.data.height())?;
+        view_mut(&mut out).par_rows(|y, row| {
+            row.copy_from_slice(plane.row(y));
+            transfer::unpremultiply(row, alpha.row(y));
+        });
+        Ok(out.freeze())
+    };
+    let planes: Vec<Buffer<f32>> = names.iter().map(divided).collect::<Result<_, _>>()?;
+    Ok(Some((alpha, [0, 1, 2].map(|i| planes[i % planes.len()].clone()))))
+}
+
 /// A picture with other planes for some channels of its first layer, which it has.
 pub(crate) fn with_planes(image: &Image, names: &[&str], planes: impl IntoIterator<Item = Buffer<f32>>) -> Image {
     let mut layers = image.layers.clone();
@@ -38,4 +64,36 @@ pub(crate) fn with_planes(image: &Image, names: &[&str], planes: impl IntoIterat
     }
     layers[0] = Layer { channels, ..layers[0].clone() };
     Image { layers, ..image.clone() }
+}
+
+#[cfg(test)]
+mod tests {
+    use warploom_core::value::{Plane, Value};
+
+    use crate::io::warp_tests::{folder, run};
+
+    #[test]
+    fn soft_edges_keep_their_colour() {
+        let nodes = r#"
+            "plate": Constant(size: (48, 48), color: (0.8, 0.4, 0.2, 1.0)), "grid": Lattice(domain: "plate", cell: 6.0),
+            "warp": Affine(grid: "grid", rotate: 20.0, scale: (1.8, 1.8)),
+            "drawn": Resample(image: "plate", warp: "warp", filter: Linear), "sets": SimilarSets(image: "plate"),
+            "out": Detail(image: "drawn", warp: "warp", sets: "sets")"#;
+        let (report, values) = run(&folder(), nodes);
+        let Some(Value::Image(image)) = values.first() else { panic!("{:#?}", report.faults) };
+        let plane = |name: &str| match &image.primary().channel(name).expect("it is there").plane {
+            Plane::F32(plane) => plane,
+            Plane::U32(_) => panic!("{name} holds numbers"),
+        };
+        let (alpha, mut soft) = (plane("A"), 0);
+        for (name, colour) in [("R", 0.8), ("G", 0.4), ("B", 0.2)] {
+            for (colours, alphas) in plane(name).rows().zip(alpha.rows()) {
+                for (sample, alpha) in colours.iter().zip(alphas) {
+                    assert!((sample - colour * alpha).abs() <= 0.01 * alpha, "{name}: {sample} where alpha is {alpha}");
+                    soft += usize::from(*alpha > 0.0 && *alpha < 1.0);
+                }
+            }
+        }
+        assert!(soft > 300, "{soft} samples lie on soft edges");
+    }
 }

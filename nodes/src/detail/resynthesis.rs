@@ -4,6 +4,7 @@ use smart_default::SmartDefault;
 use warploom_algo::detail::{self, Settings, SimilarSets};
 use warploom_algo::lattice::Positions;
 use warploom_algo::resample;
+use warploom_algo::transfer;
 use warploom_core::node::{Context, In, Node, NodeError, Output, Outputs};
 use warploom_core::value::{BufferMut, Factor, Image, Kind, Layer, Warp};
 
@@ -13,7 +14,7 @@ use crate::adapt::{lattice, map, positions, solver, view, view_mut, watched, win
 ///
 /// Where the magnification (of areas) exceeds 1.02, fully from 1.15 on, each pixel of R, G and B, or Y, of the first layer
 /// is taken from the training picture, so that surroundings are alike; then the result is moved until blurring it gives
-/// back the warped picture. Alpha and all else pass through. `stats` tells the pixels made anew, the blur that the
+/// back the warped picture. Colour is made anew as it is before it is multiplied by alpha; alpha and all else pass through. `stats` tells the pixels made anew, the blur that the
 /// training picture was compared through, and how far the blurred result is from the warped picture, encoded, root mean
 /// square, before (`residual_taken`) and after (`residual`) it was moved.
 #[derive(Serialize, Deserialize, JsonSchema, SmartDefault)]
@@ -67,8 +68,17 @@ impl Node for Detail {
         origins.translate([-left, -top]);
         let mut out = cx.planes(3, width, height)?;
         let outs = out.iter_mut().map(view_mut).collect::<Vec<_>>().try_into().expect("three planes");
-        let (views, settings) = (planes.map(view), self.settings());
+        let straight = super::straight(cx, layer, names)?;
+        let colour = straight.as_ref().map_or(planes, |(_, straight)| straight.each_ref());
+        let (views, settings) = (colour.map(view), self.settings());
         let done = watched(cx, |watch| detail::detail(sets, &views, &magnification, &origins, &settings, outs, watch))?;
+        if let Some((alpha, straight)) = &straight {
+            for ((out, before), premultiplied) in out.iter_mut().zip(straight).zip(planes) {
+                view_mut(out).par_rows(|y, row| {
+                    transfer::premultiply_changed(row, before.row(y), premultiplied.row(y), alpha.row(y));
+                });
+            }
+        }
         let made = out.into_iter().map(BufferMut::freeze);
         Ok(Outputs::from(super::with_planes(&image, names, made))
             .stat("pixels", done.pixels)

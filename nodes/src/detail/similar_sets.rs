@@ -13,7 +13,7 @@ use crate::adapt::{view, watched};
 /// Prepares a training picture for Detail: for each pixel, others whose surroundings are alike.
 ///
 /// This depends on the training picture alone: no change of a warp touches it. It looks at R, G and B, or Y, of the first
-/// layer, premultiplied as they are.
+/// layer, before they are multiplied by alpha.
 #[derive(Serialize, Deserialize, JsonSchema, SmartDefault)]
 #[serde(default, deny_unknown_fields)]
 pub struct SimilarSets {
@@ -42,7 +42,7 @@ impl Node for SimilarSets {
     const OUTPUTS: &'static [Output] = &[Output::new("sets", Kind::Factor)];
 
     fn reads(&self, _: &str) -> Reads {
-        Reads::Channels(super::COLOUR.concat().iter().map(|name| name.to_string()).collect())
+        Reads::Channels(super::COLOUR.concat().into_iter().chain(["A"]).map(str::to_owned).collect())
     }
 
     fn compute(&self, cx: &Context) -> Result<Outputs, NodeError> {
@@ -53,7 +53,8 @@ impl Node for SimilarSets {
             Encoding::Srgb => detail::Encoding::Srgb,
             Encoding::Linear => detail::Encoding::Linear,
         };
-        let views = planes.map(view);
+        let straight = super::straight(cx, layer, names)?;
+        let views = straight.as_ref().map_or(planes, |(_, straight)| straight.each_ref()).map(view);
         let sets = watched(cx, |watch| detail::similar_sets(&views, encoding, self.levels as usize, watch))?;
         let grid = Grid {
             origin: [layer.data.x0.into(), layer.data.y0.into()],
@@ -63,8 +64,8 @@ impl Node for SimilarSets {
         };
         let mut structure = Hasher::new("similar sets");
         structure.digest(&grid.digest()).int(self.levels.into()).int(self.encoding as i128);
-        for name in names {
-            structure.digest(&layer.channel(name).expect("it was found").digest());
+        for channel in names.iter().chain(&["A"]).filter_map(|name| layer.channel(name)) {
+            structure.digest(&channel.digest());
         }
         let [width, height] = sets.size();
         let value = Factor {

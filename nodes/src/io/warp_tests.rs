@@ -28,7 +28,7 @@ fn checked(folder: &TempDir, nodes: &str) -> Checked {
 }
 
 /// Runs the node `out` of a graph of these nodes.
-fn run(folder: &TempDir, nodes: &str) -> (Report, Vec<Value>) {
+pub(crate) fn run(folder: &TempDir, nodes: &str) -> (Report, Vec<Value>) {
     let checked = checked(folder, nodes);
     let plan = Arc::new(checked.plan.unwrap_or_else(|| panic!("{nodes}\n{:#?}", checked.faults)));
     let (out, values) = (plan.node("out").expect("it is there"), Mutex::new(Vec::new()));
