@@ -2,8 +2,8 @@
 //!
 //! The interactive mode of Gal, Sorkine and Cohen-Or, "Feature-aware texturing", 2006, section 3. Positions are complex
 //! numbers z = x + i y, so a similarity of the plane is linear, z -> a z + b, and how far a cell is from one is a
-//! Hermitian form of its corners. [`factor`] once per lattice. A [`drag`] prepares a set of handles once, whatever their targets:
-//! these are added by a bordered system, not by factoring again. What it prepared serves the next one.
+//! Hermitian form of its corners. [`factor`] once per lattice. A [`drag`] prepares a set of handles once, whatever their
+//! targets: these are added by a bordered system, not by factoring again. What it prepared serves the next one.
 //!
 //! What is solved for is the displacement from rest, so handles that stay where they are leave the lattice as it is.
 
