@@ -31,13 +31,12 @@ pub(crate) fn colour<'a>(
     found.ok_or_else(|| NodeError::refused("the picture needs channels R, G and B, or Y, that hold numbers").at(port))
 }
 
+/// A layer's alpha, and its colour not premultiplied.
+type Straight<'a> = (&'a Buffer<f32>, [Buffer<f32>; 3]);
+
 /// A layer's alpha, and the planes of its colour, whose channels are `names`, not premultiplied: where alpha falls off the
 /// colour beneath goes on, and no detail is made of the edge. None without alpha.
-fn straight<'a>(
-    cx: &Context,
-    layer: &'a Layer,
-    names: &[&str],
-) -> Result<Option<(&'a Buffer<f32>, [Buffer<f32>; 3])>, NodeError> {
+fn straight<'a>(cx: &Context, layer: &'a Layer, names: &[&str]) -> Result<Option<Straight<'a>>, NodeError> {
     let Some(Plane::F32(alpha)) = layer.channel("A").map(|channel| &channel.plane) else { return Ok(None) };
     let divided = |name: &&str| -> Result<Buffer<f32>, NodeError> {
         let Some(Plane::F32(plane)) = layer.channel(name).map(|channel| &channel.plane) else {
