@@ -7,8 +7,10 @@ use warploom_algo::rect::Rect as Window;
 use warploom_algo::resample::Map;
 use warploom_algo::view::{View, ViewMut};
 use warploom_algo::{Interrupted, Watch, Watcher};
-use warploom_core::node::{Context, ErrorClass, NodeError};
-use warploom_core::value::{Buffer, BufferMut, Direction, Factor, Grid, Rect, Sample, Warp};
+use warploom_core::node::{Context, ErrorClass, NodeError, Port};
+use warploom_core::value::{
+    Buffer, BufferMut, Direction, Factor, Given, Grid, Kind, Raster, Rect, Sample, Value, Warp,
+};
 
 pub fn view<T: Sample>(buffer: &Buffer<T>) -> View<'_, T> {
     View::new(buffer.samples(), buffer.width(), buffer.height(), buffer.stride())
@@ -139,4 +141,19 @@ impl Watcher for AtWork<'_> {
 pub fn watched<T>(cx: &Context, run: impl FnOnce(Watch) -> Result<T, Interrupted>) -> Result<T, NodeError> {
     let at_work = watch(cx);
     run(&at_work).map_err(|interrupted| at_work.error(interrupted))
+}
+
+/// A number per pixel: a field, or a mask as one.
+pub struct Strength;
+
+impl Port for Strength {
+    type Seen = Raster<f32>;
+    const KINDS: &'static [Kind] = &[Kind::Field, Kind::Mask];
+    fn see(given: &Given) -> Option<Self::Seen> {
+        match given {
+            Given::Value(Value::Field(field)) => Some(field.0.clone()),
+            Given::Value(Value::Mask(mask)) => Some(mask.0.clone()),
+            _ => None,
+        }
+    }
 }

@@ -8,8 +8,9 @@
 
 use rustix::time::{ClockId, clock_gettime};
 use warploom_algo::UNWATCHED;
-use warploom_algo::detail::{Encoding, Method, Settings, detail, similar_sets};
+use warploom_algo::detail::{Method, Settings, detail, similar_sets};
 use warploom_algo::lattice::Positions;
+use warploom_algo::transfer::Encoding;
 use warploom_algo::view::{View, ViewMut};
 
 /// Levels of the pyramid.

@@ -15,7 +15,8 @@ use std::time::Instant;
 
 use rustix::time::{ClockId, clock_gettime};
 use warploom_algo::UNWATCHED;
-use warploom_algo::similarity::{Boundary, Encoding, codes, distances, guide, opacity};
+use warploom_algo::similarity::{Boundary, codes, distances, guide, opacity};
+use warploom_algo::transfer::Encoding;
 use warploom_algo::transfer::srgb_table;
 use warploom_algo::view::{View, ViewMut};
 use warploom_core::engine::{Delivery, Engine, Job, Settings, Status};

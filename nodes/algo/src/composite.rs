@@ -59,6 +59,13 @@ impl<'a, T: Copy> Placed<'a, T> {
 }
 
 impl Plane<'_> {
+    /// Its samples from (x, y) to the right; 0 outside its window.
+    pub(crate) fn row(&self, x: i64, y: i64, count: usize) -> Vec<f32> {
+        let mut row = vec![0.0; count];
+        self.onto_row(x, y, 0, &mut row, |out, sample| *out = sample);
+        row
+    }
+
     /// Calls `f(out, sample)` where row `y` of an output at (out_x0, out_y0) lies in the plane's window.
     pub(crate) fn onto_row(&self, out_x0: i64, out_y0: i64, y: usize, out: &mut [f32], f: impl Fn(&mut f32, f32)) {
         match *self {
@@ -152,8 +159,7 @@ pub fn scale(source: View<f32>, factor: f32, out: ViewMut<f32>) {
 /// T. Porter and T. Duff, "Compositing Digital Images", SIGGRAPH 1984, section 4.3 ("in").
 pub fn within(matte: Plane, x0: i64, y0: i64, samples: ViewMut<f32>) {
     samples.par_rows(|y, row| {
-        let mut parts = vec![0.0; row.len()];
-        matte.onto_row(x0, y0, y, &mut parts, |out, part| *out = part);
+        let parts = matte.row(x0, y0.saturating_add_unsigned(y as u64), row.len());
         row.iter_mut().zip(parts).for_each(|(sample, part)| *sample = if part == 0.0 { 0.0 } else { *sample * part });
     });
 }

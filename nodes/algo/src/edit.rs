@@ -108,16 +108,9 @@ fn edit(base: &Base, strength: Plane, out: ViewMut<f32>, change: impl Fn(i64, i6
     out.par_rows(|y, row| {
         row.copy_from_slice(base.samples.row(y));
         let y = top.saturating_add_unsigned(y as u64);
-        let [strength, alpha] = [strength, base.alpha].map(|plane| seen(plane, x, y, row.len()));
+        let [strength, alpha] = [strength, base.alpha].map(|plane| plane.row(x, y, row.len()));
         change(x, y, row, &strength, &alpha);
     });
-}
-
-/// The samples of a plane from (x, y) to the right.
-fn seen(plane: Plane, x: i64, y: i64, count: usize) -> Vec<f32> {
-    let mut row = vec![0.0; count];
-    plane.onto_row(x, y, 0, &mut row, |out, sample| *out = sample);
-    row
 }
 
 impl Texture<'_> {

@@ -5,6 +5,15 @@
 //! Outside 0..=1 it is continued: above by the same power, below as an odd function, so that scene-linear values
 //! beyond white and the small negatives that filters leave survive a round trip.
 
+/// What of scene-linear samples is compared.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Encoding {
+    /// Their sRGB encoding, near to how differences are seen.
+    Srgb,
+    /// Themselves.
+    Linear,
+}
+
 /// Linear value of an sRGB-encoded one.
 ///
 /// `value`: any; 0..=1 is the standard's range. Odd: `f(-v) = -f(v)`; NaN stays NaN, infinities stay.

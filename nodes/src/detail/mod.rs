@@ -8,28 +8,9 @@ pub use similar_sets::SimilarSets;
 
 use warploom_algo::transfer;
 use warploom_core::node::{Context, NodeError};
-use warploom_core::value::{Buffer, Image, Layer, Plane};
+use warploom_core::value::{Buffer, Layer, Plane};
 
 use crate::adapt::view_mut;
-
-/// The channels that carry a layer's colour: R, G and B, or Y alone.
-pub(crate) const COLOUR: [&[&str]; 2] = [&["R", "G", "B"], &["Y"]];
-
-/// The names and planes of the colour of the layer on a port; Y stands for all three.
-pub(crate) fn colour<'a>(
-    layer: &'a Layer,
-    port: &'static str,
-) -> Result<(&'static [&'static str], [&'a Buffer<f32>; 3]), NodeError> {
-    let plane = |name: &&str| match layer.channel(name).map(|channel| &channel.plane) {
-        Some(Plane::F32(plane)) => Some(plane),
-        _ => None,
-    };
-    let found = COLOUR.iter().find_map(|names| {
-        let planes: Vec<&Buffer<f32>> = names.iter().filter_map(plane).collect();
-        (planes.len() == names.len()).then(|| (*names, [0, 1, 2].map(|i| planes[i % planes.len()])))
-    });
-    found.ok_or_else(|| NodeError::refused("the picture needs channels R, G and B, or Y, that hold numbers").at(port))
-}
 
 /// A layer's alpha, and its colour not premultiplied.
 type Straight<'a> = (&'a Buffer<f32>, [Buffer<f32>; 3]);
@@ -51,18 +32,6 @@ fn straight<'a>(cx: &Context, layer: &'a Layer, names: &[&str]) -> Result<Option
     };
     let planes: Vec<Buffer<f32>> = names.iter().map(divided).collect::<Result<_, _>>()?;
     Ok(Some((alpha, [0, 1, 2].map(|i| planes[i % planes.len()].clone()))))
-}
-
-/// A picture with other planes for some channels of its first layer, which it has.
-pub(crate) fn with_planes(image: &Image, names: &[&str], planes: impl IntoIterator<Item = Buffer<f32>>) -> Image {
-    let mut layers = image.layers.clone();
-    let mut channels = layers[0].channels.clone();
-    for (name, plane) in names.iter().zip(planes) {
-        let channel = channels.iter_mut().find(|channel| &*channel.name == *name).expect("the layer has it");
-        channel.plane = Plane::F32(plane);
-    }
-    layers[0] = Layer { channels, ..layers[0].clone() };
-    Image { layers, ..image.clone() }
 }
 
 #[cfg(test)]

@@ -9,6 +9,7 @@ use warploom_core::node::{Context, In, Node, NodeError, Output, Outputs};
 use warploom_core::value::{BufferMut, Factor, Image, Kind, Layer, Warp};
 
 use crate::adapt::{lattice, map, positions, solver, view, view_mut, watched, window};
+use crate::image::colour::{colour, with_planes};
 
 /// Gives a warped picture the detail that it lacks where the warp magnified it.
 ///
@@ -59,7 +60,7 @@ impl Node for Detail {
         let (image, warp, factor) = (cx.get(&self.image), cx.get(&self.warp), cx.get(&self.sets));
         let sets: &SimilarSets = solver(&factor, "sets", "SimilarSets")?;
         let layer = image.primary();
-        let (names, planes) = super::colour(layer, "image")?;
+        let (names, planes) = colour(layer, "image")?;
         let (width, height) = (layer.data.width(), layer.data.height());
         let mut origins = self.origins(cx, &warp, layer)?;
         cx.reserve((width * height * size_of::<f32>()) as u128)?;
@@ -80,7 +81,7 @@ impl Node for Detail {
             }
         }
         let made = out.into_iter().map(BufferMut::freeze);
-        Ok(Outputs::from(super::with_planes(&image, names, made))
+        Ok(Outputs::from(with_planes(&image, names, made))
             .stat("pixels", done.pixels)
             .stat("blur", done.blur)
             .stat("residual_taken", done.residual[0])

@@ -9,6 +9,7 @@ use warploom_core::node::{Context, In, Node, NodeError, Output, Outputs, Reads};
 use warploom_core::value::{Factor, Grid, Hasher, Image, Kind};
 
 use crate::adapt::{view, watched};
+use crate::image::colour::{COLOUR, Encoding, colour};
 
 /// Prepares a training picture for Detail: for each pixel, others whose surroundings are alike.
 ///
@@ -27,35 +28,22 @@ pub struct SimilarSets {
     pub levels: u32,
 }
 
-/// What is compared of scene-linear samples.
-#[derive(Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub enum Encoding {
-    /// Their sRGB encoding, near to how differences are seen; negatives as an odd function.
-    #[default]
-    Srgb,
-    /// Themselves.
-    Linear,
-}
-
 impl Node for SimilarSets {
     const VERSION: u32 = 2;
     const OUTPUTS: &'static [Output] = &[Output::new("sets", Kind::Factor)];
 
     fn reads(&self, _: &str) -> Reads {
-        Reads::Channels(super::COLOUR.concat().into_iter().chain(["A"]).map(str::to_owned).collect())
+        Reads::Channels(COLOUR.concat().into_iter().chain(["A"]).map(str::to_owned).collect())
     }
 
     fn compute(&self, cx: &Context) -> Result<Outputs, NodeError> {
         let image = cx.get(&self.image);
         let layer = image.primary();
-        let (names, planes) = super::colour(layer, "image")?;
-        let encoding = match self.encoding {
-            Encoding::Srgb => detail::Encoding::Srgb,
-            Encoding::Linear => detail::Encoding::Linear,
-        };
+        let (names, planes) = colour(layer, "image")?;
         let straight = super::straight(cx, layer, names)?;
         let views = straight.as_ref().map_or(planes, |(_, straight)| straight.each_ref()).map(view);
-        let sets = watched(cx, |watch| detail::similar_sets(&views, encoding, self.levels as usize, watch))?;
+        let sets =
+            watched(cx, |watch| detail::similar_sets(&views, self.encoding.into(), self.levels as usize, watch))?;
         let grid = Grid {
             origin: [layer.data.x0.into(), layer.data.y0.into()],
             spacing: [1.0, 1.0],

@@ -6,8 +6,8 @@ use warploom_algo::{edit, mask};
 use warploom_core::node::{Context, In, Node, NodeError, Output, Outputs};
 use warploom_core::value::{Buffer, Image, Kind, Layer};
 
-use crate::adapt::{view, view_mut, window};
-use crate::warp::Strength;
+use crate::adapt::{Strength, view, view_mut, window};
+use crate::image::colour::colour;
 
 /// Lays a texture upon a picture as strongly as a mask or field says: a of the texture, and 1 - a of what was there.
 ///
@@ -57,7 +57,7 @@ impl Node for Clone {
 
 /// The planes of the texture's colour; all are its luma where only that is wanted.
 fn planes(cx: &Context, layer: &Layer, luma: bool) -> Result<[Buffer<f32>; 3], NodeError> {
-    let (names, planes) = crate::detail::colour(layer, "texture")?;
+    let (names, planes) = colour(layer, "texture")?;
     if !luma || names.len() == 1 {
         return Ok(planes.map(Buffer::clone));
     }

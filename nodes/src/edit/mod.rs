@@ -13,10 +13,11 @@ use warploom_core::node::{Context, NodeError};
 use warploom_core::value::{BufferMut, Image, Raster};
 
 use crate::adapt::{view, view_mut};
+use crate::image::colour::{colour, with_planes};
 
 /// Whether a picture that is edited has Y alone for a colour.
 fn is_grey(image: &Image) -> Result<bool, NodeError> {
-    Ok(crate::detail::colour(image.primary(), "base")?.0.len() == 1)
+    Ok(colour(image.primary(), "base")?.0.len() == 1)
 }
 
 /// A picture whose colour channels `draw(index, base, strength, out)` made anew where the strength is not 0.
@@ -27,7 +28,7 @@ fn edited(
     draw: impl Fn(usize, &edit::Base, Placement, ViewMut<f32>),
 ) -> Result<Image, NodeError> {
     let layer = image.primary();
-    let (names, planes) = crate::detail::colour(layer, "base")?;
+    let (names, planes) = colour(layer, "base")?;
     let (alpha, corner) = (crate::image::alpha(layer), [layer.data.x0.into(), layer.data.y0.into()]);
     let [x0, y0] = [mask.windows.data.x0, mask.windows.data.y0].map(i64::from);
     let strength = Placement::Samples(Placed { view: view(&mask.samples), x0, y0 });
@@ -36,5 +37,5 @@ fn edited(
         cx.progress(index as f64 / names.len() as f64)?;
         draw(index, &edit::Base { samples: view(planes[index]), corner, alpha }, strength, view_mut(out));
     }
-    Ok(crate::detail::with_planes(image, names, out.into_iter().map(BufferMut::freeze)))
+    Ok(with_planes(image, names, out.into_iter().map(BufferMut::freeze)))
 }

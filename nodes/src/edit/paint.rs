@@ -5,7 +5,8 @@ use warploom_algo::edit;
 use warploom_core::node::{Context, In, Node, NodeError, Output, Outputs};
 use warploom_core::value::{Image, Kind};
 
-use crate::warp::Strength;
+use crate::adapt::Strength;
+use crate::image::colour::luma;
 
 /// Paints a picture as strongly as a mask or field says: a of a colour, and 1 - a of what was there.
 ///
@@ -48,7 +49,7 @@ impl Node for Paint {
 
     fn compute(&self, cx: &Context) -> Result<Outputs, NodeError> {
         let (base, mask) = (cx.get(&self.base), cx.get(&self.mask));
-        let color = if super::is_grey(&base)? { [self.luma(); 3] } else { self.color };
+        let color = if super::is_grey(&base)? { [luma(self.color); 3] } else { self.color };
         let painted = super::edited(cx, &base, &mask, |channel, base, strength, out| {
             let paint = match self.mode {
                 Mode::Color => edit::Paint::Color(color[channel] as f32),
@@ -57,13 +58,5 @@ impl Node for Paint {
             edit::paint(base, paint, strength, out);
         })?;
         Ok(painted.into())
-    }
-}
-
-impl Paint {
-    /// Rec.709 of the colour.
-    fn luma(&self) -> f64 {
-        let [r, g, b] = self.color;
-        0.2126 * r + 0.7152 * g + 0.0722 * b
     }
 }

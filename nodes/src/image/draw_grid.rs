@@ -7,6 +7,7 @@ use warploom_core::node::{Context, In, Node, NodeError, Output, Outputs};
 use warploom_core::value::{Image, Layer, Warp};
 
 use super::Planes;
+use super::colour::luma;
 use crate::adapt::{positions, view, view_mut, watched};
 
 /// Draws a warp's lattice over a picture: lines between the positions of neighbouring nodes.
@@ -51,7 +52,7 @@ impl Node for DrawGrid {
             Ok(plane.freeze())
         };
         let [r, g, b, a] = self.color;
-        let luma = 0.2126 * r + 0.7152 * g + 0.0722 * b;
+        let luma = luma([r, g, b]);
         let alpha = tinted(a)?;
         let mut paints = Vec::new();
         for (name, value) in [("R", r), ("G", g), ("B", b), ("Y", luma), ("A", a)] {

@@ -1,5 +1,6 @@
 //! Drawing, comparing and putting pictures together.
 
+pub(crate) mod colour;
 mod difference;
 mod draw_grid;
 mod over;

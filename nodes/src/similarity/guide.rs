@@ -7,10 +7,11 @@ use smart_default::SmartDefault;
 use warploom_algo::similarity::{self, Guide, coarsest};
 use warploom_algo::view::View;
 use warploom_core::node::{Context, In, Node, NodeError, Output, Outputs, Reads};
-use warploom_core::value::{Digest, Factor, Grid, Hasher, Image, Kind, Layer};
+use warploom_core::value::{Buffer, Digest, Factor, Grid, Hasher, Image, Kind};
 
 use super::Prepared;
 use crate::adapt::{view, watched};
+use crate::image::colour::{COLOUR, Encoding, colour};
 
 /// Prepares a picture for Similarity: its pyramid of codes.
 ///
@@ -52,22 +53,12 @@ pub enum Boundary {
     Clamp,
 }
 
-/// What is compared of scene-linear samples.
-#[derive(Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub enum Encoding {
-    /// Their sRGB encoding, near to how differences are seen.
-    #[default]
-    Srgb,
-    /// Themselves.
-    Linear,
-}
-
 impl Node for SimilarityGuide {
     const VERSION: u32 = 1;
     const OUTPUTS: &'static [Output] = &[Output::new("guide", Kind::Factor)];
 
     fn reads(&self, _: &str) -> Reads {
-        Reads::Channels(crate::detail::COLOUR.concat().iter().map(|name| name.to_string()).collect())
+        Reads::Channels(COLOUR.concat().iter().map(|name| name.to_string()).collect())
     }
 
     fn check(&self) -> Result<(), NodeError> {
@@ -92,8 +83,8 @@ impl Node for SimilarityGuide {
         let image = cx.get(&self.image);
         let (layer, windows) = (image.primary(), image.windows());
         self.check_depth([layer.data.width(), layer.data.height()])?;
-        let names = crate::detail::colour(layer, "image")?.0;
-        let guide = self.prepare(cx, layer)?;
+        let (names, planes) = colour(layer, "image")?;
+        let guide = self.prepare(cx, planes)?;
         let grid = Grid {
             origin: [layer.data.x0.into(), layer.data.y0.into()],
             spacing: [1.0, 1.0],
@@ -125,20 +116,16 @@ impl SimilarityGuide {
         Err(NodeError::refused(message).at("levels").hint("leave it out"))
     }
 
-    fn prepare(&self, cx: &Context, layer: &Layer) -> Result<Guide, NodeError> {
-        let planes = crate::detail::colour(layer, "image")?.1;
-        let encoding = match self.encoding {
-            Encoding::Srgb => similarity::Encoding::Srgb,
-            Encoding::Linear => similarity::Encoding::Linear,
-        };
+    fn prepare(&self, cx: &Context, planes: [&Buffer<f32>; 3]) -> Result<Guide, NodeError> {
         let boundary = match self.boundary {
             Boundary::Wrap => similarity::Boundary::Wrap,
             Boundary::Mirror => similarity::Boundary::Mirror,
             Boundary::Clamp => similarity::Boundary::Clamp,
         };
-        let (width, height) = (layer.data.width(), layer.data.height());
+        let (width, height) = (planes[0].width(), planes[0].height());
         watched(cx, |watch| {
-            let [r, g, b] = planes.map(|plane| similarity::codes(view(plane), encoding, self.white as f32, watch));
+            let [r, g, b] =
+                planes.map(|plane| similarity::codes(view(plane), self.encoding.into(), self.white as f32, watch));
             let codes = [r?, g?, b?];
             let views = codes.each_ref().map(|codes| View::packed(codes, width, height));
             similarity::guide(&views, self.diameter as usize, &self.levels, boundary, watch)

@@ -2,10 +2,10 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use smart_default::SmartDefault;
 use warploom_algo::magnify::{self, Wish};
-use warploom_core::node::{Context, In, Node, NodeError, Output, Outputs, Port};
-use warploom_core::value::{Given, Grid, Kind, Raster, Value};
+use warploom_core::node::{Context, In, Node, NodeError, Output, Outputs};
+use warploom_core::value::Grid;
 
-use crate::adapt::{view, watched};
+use crate::adapt::{Strength, view, watched};
 
 /// Makes every cell of a lattice as large as a field asks, without folds.
 ///
@@ -91,21 +91,6 @@ pub enum Frame {
     Pin,
     /// It moves with the other side: a picture that repeats goes on repeating. For a lattice that is periodic in both.
     Periodic,
-}
-
-/// A number per pixel: a field, or a mask as one.
-pub struct Strength;
-
-impl Port for Strength {
-    type Seen = Raster<f32>;
-    const KINDS: &'static [Kind] = &[Kind::Field, Kind::Mask];
-    fn see(given: &Given) -> Option<Self::Seen> {
-        match given {
-            Given::Value(Value::Field(field)) => Some(field.0.clone()),
-            Given::Value(Value::Mask(mask)) => Some(mask.0.clone()),
-            _ => None,
-        }
-    }
 }
 
 /// A part of the area asked for by which missing it is worth a warning.

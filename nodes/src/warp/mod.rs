@@ -29,7 +29,6 @@ pub use free_lattice::{FreeLattice, Given};
 pub use invert::{Gives, Invert};
 pub use lens::Lens;
 pub use magnify::Magnify;
-pub(crate) use magnify::Strength;
 pub use perspective::Perspective;
 pub use ripple::Ripple;
 pub use stretch::Stretch;

@@ -2,8 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::Encoding;
-use crate::transfer::{linear_to_srgb, srgb_to_linear};
+use crate::transfer::{Encoding, linear_to_srgb, srgb_to_linear};
 use crate::view::View;
 use crate::{Interrupted, Watch};
 

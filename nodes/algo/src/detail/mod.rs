@@ -24,15 +24,6 @@ use crate::lattice::Positions;
 use crate::view::{View, ViewMut};
 use crate::{Interrupted, Watch};
 
-/// What is compared of scene-linear samples.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Encoding {
-    /// Their sRGB encoding, continued as an odd function and beyond 1: near to how differences are seen.
-    Srgb,
-    /// Themselves.
-    Linear,
-}
-
 /// How sources are found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Method {

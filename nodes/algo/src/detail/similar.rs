@@ -2,11 +2,11 @@
 
 use rayon::prelude::*;
 
-use super::Encoding;
 use super::encoding::Coder;
 use super::look::{Look, distance, rings, smooth};
 use super::picture::{Picture, each, pyramid};
 use super::tree::{LEAF, Tree};
+use crate::transfer::Encoding;
 use crate::view::View;
 use crate::{Interrupted, Watch};
 

@@ -3,6 +3,7 @@ use crate::UNWATCHED;
 use crate::lattice::Lattice;
 use crate::rect::Rect;
 use crate::resample::{Map, pixel_sources};
+use crate::transfer::Encoding;
 use blur::blurred;
 use local_blur::LocalBlur;
 use look::distance;

@@ -2,9 +2,8 @@
 
 use rayon::prelude::*;
 
-use super::Encoding;
 use crate::simd::vectorized;
-use crate::transfer::{code, srgb_thresholds};
+use crate::transfer::{Encoding, code, srgb_thresholds};
 use crate::view::View;
 use crate::{Interrupted, Watch};
 

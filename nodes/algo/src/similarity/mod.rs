@@ -21,15 +21,6 @@ use crate::view::{View, ViewMut};
 use crate::{Interrupted, Watch};
 use level::{Level, Neighbourhood, Pair, Probe, ROWS, Rows};
 
-/// What of scene-linear samples is compared.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Encoding {
-    /// Their sRGB encoding, near to how differences are seen.
-    Srgb,
-    /// Themselves.
-    Linear,
-}
-
 /// What lies beyond the picture's border.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Boundary {

@@ -4,9 +4,6 @@ use warploom_core::node::NodeError;
 
 use super::{Compression, Depth, WriteOptions};
 
-/// Extensions of the formats that can be written.
-pub const EXTENSIONS: [&str; 7] = ["exr", "png", "jpg", "jpeg", "tif", "tiff", "hdr"];
-
 /// A format that can be written.
 #[derive(Clone, Copy, PartialEq)]
 pub enum Format {
@@ -22,23 +19,39 @@ pub enum Format {
     Hdr,
 }
 
+/// The formats by their extensions.
+const FORMATS: [(&str, Format); 7] = [
+    ("exr", Format::Exr),
+    ("png", Format::Png),
+    ("jpg", Format::Jpeg),
+    ("jpeg", Format::Jpeg),
+    ("tif", Format::Tiff),
+    ("tiff", Format::Tiff),
+    ("hdr", Format::Hdr),
+];
+
+/// Extensions of the formats that can be written.
+pub const EXTENSIONS: [&str; FORMATS.len()] = {
+    let mut extensions = [""; FORMATS.len()];
+    let mut at = 0;
+    while at < FORMATS.len() {
+        extensions[at] = FORMATS[at].0;
+        at += 1;
+    }
+    extensions
+};
+
 impl Format {
     /// The format that `extension` (without the dot, in any case) names, if it has what `options` asks for.
     pub fn of(extension: &str, options: &WriteOptions) -> Result<Self, NodeError> {
         let extension = extension.to_lowercase();
-        let format = match &*extension {
-            "exr" => Self::Exr,
-            "png" => Self::Png,
-            "jpg" | "jpeg" => Self::Jpeg,
-            "tif" | "tiff" => Self::Tiff,
-            "hdr" => Self::Hdr,
-            _ => return Err(no_format(&extension)),
-        };
+        let named = FORMATS.iter().find(|(known, _)| *known == extension);
+        let (_, format) = *named.ok_or_else(|| no_format(&extension))?;
         if format != Self::Exr && options.compression != Compression::Auto {
             let message = format!("{:?} compression is of EXR; .{extension} has none to choose", options.compression);
             return Err(NodeError::refused(message).at("compression").hint("leave `compression` out"));
         }
-        let (name, depths) = format.depths();
+        let (name, depths) = format.holds();
         if options.depth != Depth::Auto && !depths.contains(&options.depth) {
             let allowed: Vec<_> = depths.iter().map(|depth| format!("{depth:?}")).collect();
             let message = format!("{name} has no depth {:?}; it may be Auto, {}", options.depth, allowed.join(" or "));
@@ -48,7 +61,7 @@ impl Format {
     }
 
     /// Its name, and the depths it has.
-    fn depths(self) -> (&'static str, &'static [Depth]) {
+    fn holds(self) -> (&'static str, &'static [Depth]) {
         match self {
             Self::Exr => ("EXR", &[Depth::Half, Depth::Float]),
             Self::Png => ("PNG", &[Depth::U8, Depth::U16]),
