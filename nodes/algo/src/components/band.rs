@@ -1,151 +1,221 @@
 //! One band of rows: its runs, and the parts of components that they form.
 
-use std::ops::Range;
-
-use super::Component;
-use super::runs::{Run, append_runs, touching};
+use super::extent::Extent;
+use super::lanes::{Lanes, WORD, Work, with_lanes};
+use super::runs::{find_runs, row_bits, touching, with_left};
 use super::unions::Unions;
 use crate::view::{View, ViewMut};
 
+/// No name yet.
+const NONE: u32 = u32::MAX;
+
 /// The runs of a band of rows and the parts of components that are connected within the band.
-pub(super) struct Band {
-    /// Ends of all runs in raster order, two per run.
-    ends: Vec<u32>,
-    /// Runs before each row, and after the last one.
-    row_starts: Vec<usize>,
-    /// The part that each run belongs to; parts are numbered in raster order of their first runs.
+///
+/// A run has the name of a run that touches it from above, or a new one. Names are numbered in raster order; those whose
+/// runs meet name one part. Until it is painted, each row of the output begins with the names of its runs.
+pub(super) struct Band<'a> {
+    /// Bits of the rows, [`words`] per row.
+    bits: Vec<u64>,
+    /// Names of the runs of the first and the last row.
+    pub(super) edges: [Vec<u32>; 2],
+    /// The part of each name; parts are numbered in the order of their first names.
     pub(super) parts: Vec<u32>,
     /// Extent of each part.
     pub(super) extents: Vec<Extent>,
+    out: ViewMut<'a, u32>,
 }
 
-impl Band {
-    /// Finds the runs of the rows and the parts that they form.
-    pub(super) fn scan(mask: View<f32>, rows: Range<usize>, reach: u32) -> Self {
-        let mut band = Self { ends: Vec::new(), row_starts: vec![0], parts: Vec::new(), extents: Vec::new() };
-        let mut unions = Unions::default();
-        let (mut above, mut pairs) = (0..0, Vec::new());
-        for y in rows.clone() {
-            append_runs(mask.row(y), &mut band.ends);
-            let row = above.end..band.ends.len() / 2;
-            band.row_starts.push(row.end);
-            unions.extend(row.end as u32);
-            for &[a, b] in touching(band.runs(above.clone()), band.runs(row.clone()), reach, &mut pairs) {
-                unions.join(above.start as u32 + a, row.start as u32 + b);
-            }
-            above = row;
-        }
-        band.parts = unions.into_sets();
-        band.extents.reserve_exact(band.parts.iter().max().map_or(0, |&last| last as usize + 1));
-        for (row, y) in rows.enumerate() {
-            band.measure(row, y);
-        }
-        band.ends.shrink_to_fit();
-        band.parts.shrink_to_fit();
-        band
+/// Words that hold the bits of a row.
+fn words(width: usize) -> usize {
+    width.div_ceil(WORD)
+}
+
+impl<'a> Band<'a> {
+    /// Finds the runs of the rows from `top` on that `out` has, and the parts that they form.
+    pub(super) fn scan(mask: View<f32>, top: usize, corners: bool, out: ViewMut<'a, u32>) -> Self {
+        with_lanes(Scan { mask, top, corners, out })
     }
 
     /// Bytes it holds.
     pub(super) fn bytes(&self) -> usize {
-        let words = self.ends.capacity() + self.parts.capacity();
-        words * size_of::<u32>() + self.extents.capacity() * size_of::<Extent>()
+        let names = self.parts.capacity() + self.edges.iter().map(Vec::capacity).sum::<usize>();
+        size_of_val(&*self.bits) + names * size_of::<u32>() + self.extents.capacity() * size_of::<Extent>()
     }
 
-    /// Some of the runs.
-    pub(super) fn runs(&self, range: Range<usize>) -> &[Run] {
-        &self.ends.as_chunks::<2>().0[range]
+    /// Bits of the first row.
+    pub(super) fn first_bits(&self) -> &[u64] {
+        &self.bits[..words(self.out.width())]
     }
 
-    /// Numbers of the first row's runs.
-    pub(super) fn first_row(&self) -> Range<usize> {
-        self.row(0)
-    }
-
-    /// Numbers of the last row's runs.
-    pub(super) fn last_row(&self) -> Range<usize> {
-        self.row(self.row_starts.len() - 2)
-    }
-
-    fn row(&self, row: usize) -> Range<usize> {
-        self.row_starts[row]..self.row_starts[row + 1]
-    }
-
-    /// Adds the runs of a row, row `y` of the view, to the extents of their parts.
-    fn measure(&mut self, row: usize, y: usize) {
-        let range = self.row(row);
-        let runs = &self.ends.as_chunks::<2>().0[range.clone()];
-        for (&run, &part) in runs.iter().zip(&self.parts[range]) {
-            let extent = Extent::of_run(run, y as u32);
-            match self.extents.get_mut(part as usize) {
-                Some(part) => part.merge(&extent),
-                None => self.extents.push(extent),
-            }
-        }
+    /// Bits of the last row.
+    pub(super) fn last_bits(&self) -> &[u64] {
+        &self.bits[self.bits.len() - words(self.out.width())..]
     }
 
     /// Writes the label of its part into each pixel of each run, 0 elsewhere.
-    pub(super) fn paint(&self, labels: &[u32], mut out: ViewMut<u32>) {
-        for y in 0..out.height() {
-            let (row, range) = (out.row_mut(y), self.row(y));
-            let mut painted = 0;
-            for (&[start, end], &part) in self.runs(range.clone()).iter().zip(&self.parts[range]) {
-                paint_span(row, painted..start as usize, 0);
-                paint_span(row, start as usize..end as usize, labels[part as usize]);
-                painted = end as usize;
+    pub(super) fn paint(self, labels: &[u32]) {
+        let labels = self.parts.iter().map(|&part| labels[part as usize]).collect();
+        with_lanes(Paint { bits: self.bits, labels, out: self.out });
+    }
+}
+
+struct Scan<'m, 'a> {
+    mask: View<'m, f32>,
+    top: usize,
+    corners: bool,
+    out: ViewMut<'a, u32>,
+}
+
+impl<'a> Work for Scan<'_, 'a> {
+    type Result = Band<'a>;
+
+    #[inline(always)]
+    fn with<L: Lanes>(mut self, lanes: L) -> Band<'a> {
+        let (width, height) = (self.out.width(), self.out.height());
+        let words = words(width);
+        let mut bits = vec![0; height * words];
+        let (mut pairs, mut ends) = (vec![[0; 2]; words * WORD], vec![0; width + 1]);
+        let (mut first, mut above, mut names) = (Vec::new(), Vec::new(), Vec::new());
+        let mut named = Named::default();
+        for y in 0..height {
+            let (done, row) = bits[..(y + 1) * words].split_at_mut(y * words);
+            row_bits(lanes, self.mask.row(self.top + y), row);
+            let runs = find_runs(row, width, &mut ends);
+            names.clear();
+            names.resize(runs.len(), NONE);
+            if y > 0 {
+                let pairs = touching(&done[(y - 1) * words..], row, self.corners, &mut pairs);
+                named.pass_down(pairs, &above, &mut names);
             }
-            row[painted..].fill(0);
+            named.measure(runs, (self.top + y) as u32, &mut names);
+            self.out.row_mut(y)[..names.len()].copy_from_slice(&names);
+            if y == 0 {
+                first.clone_from(&names);
+            }
+            std::mem::swap(&mut above, &mut names);
+        }
+        let (parts, extents) = named.into_parts();
+        Band { bits, edges: [first, above], parts, extents, out: self.out }
+    }
+}
+
+/// Names of runs.
+#[derive(Default)]
+struct Named {
+    unions: Unions,
+    /// Extent of the runs of each name.
+    extents: Vec<Extent>,
+}
+
+impl Named {
+    /// Gives runs below names of those above that they touch, and unites what meets.
+    #[inline(always)]
+    fn pass_down(&mut self, pairs: &[[u32; 2]], above: &[u32], below: &mut [u32]) {
+        for &[a, b] in pairs {
+            let name = self.unions.parent(above[a as usize]);
+            let known = below[b as usize];
+            below[b as usize] = if known == NONE { name } else { known };
+            if known != NONE && known != name {
+                self.unions.join(known, name);
+            }
+        }
+    }
+
+    /// Adds the runs of row `y` to the extents of their names; those without get new ones.
+    #[inline(always)]
+    fn measure(&mut self, runs: &[[u32; 2]], y: u32, names: &mut [u32]) {
+        for (name, &run) in names.iter_mut().zip(runs) {
+            let extent = Extent::of_run(run, y);
+            if *name == NONE {
+                *name = self.unions.add();
+                self.extents.push(extent);
+            } else {
+                self.extents[*name as usize].merge(&extent);
+            }
+        }
+    }
+
+    /// The part of each name and the extents of the parts.
+    fn into_parts(self) -> (Vec<u32>, Vec<Extent>) {
+        let (parts, mut extents) = (self.unions.into_sets(), self.extents);
+        let mut count = 0;
+        for (name, &part) in parts.iter().enumerate() {
+            let extent = extents[name];
+            if part as usize == count {
+                extents[count] = extent;
+                count += 1;
+            } else {
+                extents[part as usize].merge(&extent);
+            }
+        }
+        extents.truncate(count);
+        extents.shrink_to_fit();
+        (parts, extents)
+    }
+}
+
+/// For each byte of bits, which of its runs, counted from 1, each pixel lies in, 0 if in none.
+const RUN_IN_BYTE: [[u8; 8]; 256] = {
+    let mut table = [[0; 8]; 256];
+    let mut byte = 0;
+    while byte < 256 {
+        let (mut x, mut run) = (0, 0);
+        while x < 8 {
+            let set = byte >> x & 1 == 1;
+            if set && (x == 0 || byte >> (x - 1) & 1 == 0) {
+                run += 1;
+            }
+            table[byte][x] = if set { run } else { 0 };
+            x += 1;
+        }
+        byte += 1;
+    }
+    table
+};
+
+struct Paint<'a> {
+    bits: Vec<u64>,
+    /// Of each name.
+    labels: Vec<u32>,
+    out: ViewMut<'a, u32>,
+}
+
+impl Work for Paint<'_> {
+    type Result = ();
+
+    #[inline(always)]
+    fn with<L: Lanes>(mut self, lanes: L) {
+        let width = self.out.width();
+        // The label of run n at n + 1, with room for eight from any run on.
+        let mut labels = vec![0; width / 2 + 10];
+        for (y, bits) in self.bits.chunks(words(width)).enumerate() {
+            let row = self.out.row_mut(y);
+            let runs: u32 = with_left(bits).map(|(word, left)| (word & !left).count_ones()).sum();
+            for (label, &name) in labels[1..].iter_mut().zip(&row[..runs as usize]) {
+                *label = self.labels[name as usize];
+            }
+            paint_row(lanes, bits, &labels, row);
         }
     }
 }
 
-/// Paints a span, and perhaps up to 8 samples from its start: those right of it are painted anew by the spans that
-/// follow. The known length is quicker for short spans.
-fn paint_span(row: &mut [u32], span: Range<usize>, label: u32) {
-    let Some(start) = row[span.start..].first_chunk_mut::<8>() else { return row[span].fill(label) };
-    *start = [label; 8];
-    if span.len() > 8 {
-        row[span.start + 8..span.end].fill(label);
-    }
-}
-
-/// Sums over the pixels of a component, exact.
-#[derive(Clone, Copy)]
-pub(super) struct Extent {
-    /// Count of pixels.
-    pub(super) area: u64,
-    /// Sums of 2 x + 1 and 2 y + 1, twice the centres' coordinates in the view.
-    doubled_sums: [u64; 2],
-    min: [u32; 2],
-    /// Exclusive.
-    max: [u32; 2],
-}
-
-impl Extent {
-    pub(super) fn of_run([start, end]: Run, y: u32) -> Self {
-        let (first, end_squared) = (u64::from(start), u64::from(end) * u64::from(end));
-        let area = u64::from(end) - first;
-        // The odd numbers below 2 n sum to n^2.
-        let doubled_sums = [end_squared - first * first, area * (2 * u64::from(y) + 1)];
-        Self { area, doubled_sums, min: [start, y], max: [end, y + 1] }
-    }
-
-    pub(super) fn merge(&mut self, other: &Self) {
-        self.area += other.area;
-        for axis in 0..2 {
-            self.doubled_sums[axis] += other.doubled_sums[axis];
-            self.min[axis] = self.min[axis].min(other.min[axis]);
-            self.max[axis] = self.max[axis].max(other.max[axis]);
-        }
-    }
-
-    /// The component, in a view whose top left pixel is (`x0`, `y0`).
-    pub(super) fn component(&self, x0: i64, y0: i64) -> Component {
-        let mean = |sum: u64| sum as f64 / (2 * self.area) as f64;
-        let ([left, top], [right, bottom]) = (self.min.map(i64::from), self.max.map(i64::from));
-        Component {
-            area: self.area,
-            bounds: [x0 + left, y0 + top, x0 + right, y0 + bottom],
-            centroid: [x0 as f64 + mean(self.doubled_sums[0]), y0 as f64 + mean(self.doubled_sums[1])],
+#[inline(always)]
+fn paint_row<L: Lanes>(lanes: L, bits: &[u64], labels: &[u32], row: &mut [u32]) {
+    let mut runs = 0;
+    for ((word, left), row) in with_left(bits).zip(row.chunks_mut(WORD)) {
+        let starts = word & !left;
+        for (index, row) in row.chunks_mut(8).enumerate() {
+            let at = |bits: u64| (bits >> (8 * index)) as u8;
+            // The first run in the byte may have begun before.
+            let first = runs - usize::from(at(word & left) & 1);
+            let mut values = *labels[first..].first_chunk().expect("there is room");
+            values[0] = 0;
+            let painted = lanes.pick(values, RUN_IN_BYTE[usize::from(at(word))]);
+            match <&mut [u32; 8]>::try_from(&mut *row) {
+                Ok(row) => *row = painted,
+                Err(_) => row.copy_from_slice(&painted[..row.len()]),
+            }
+            runs += at(starts).count_ones() as usize;
         }
     }
 }

@@ -1,6 +1,8 @@
 //! Connected components of a mask.
 
 mod band;
+mod extent;
+mod lanes;
 mod runs;
 mod unions;
 
@@ -9,7 +11,9 @@ use rayon::prelude::*;
 use crate::steps::Steps;
 use crate::view::{View, ViewMut};
 use crate::{Interrupted, Watch};
-use band::{Band, Extent};
+use band::Band;
+use extent::Extent;
+use lanes::WORD;
 use runs::touching;
 use unions::Unions;
 
@@ -66,30 +70,27 @@ pub fn label(
     let (width, height) = (mask.width(), mask.height());
     assert_eq!([width, height], [out.width(), out.height()], "sizes differ");
     assert!(width.checked_mul(height).is_some_and(|area| area <= u32::MAX as usize), "{width} x {height} px");
-    let reach = match connectivity {
-        Connectivity::Eight => 1,
-        Connectivity::Four => 0,
-    };
+    let corners = connectivity == Connectivity::Eight;
     let count = height.div_ceil(BAND_ROWS);
     let steps = Steps::new(watch, 2 * count);
     watch.reserve(rayon::current_num_threads() * width * SCAN_BYTES)?;
-    let scan = |index: usize| {
-        let top = index * BAND_ROWS;
-        let band = Band::scan(mask, top..height.min(top + BAND_ROWS), reach);
+    let scan = |(top, out)| {
+        let band = Band::scan(mask, top, corners, out);
         watch.reserve(band.bytes())?;
         steps.step().map(|()| band)
     };
-    let mut bands = (0..count).into_par_iter().map(scan).collect::<Result<Vec<_>, _>>()?;
+    let mut bands = out.bands(BAND_ROWS).into_par_iter().map(scan).collect::<Result<Vec<_>, _>>()?;
 
-    let wholes = join(&bands, reach, watch)?;
+    let wholes = join(&bands, corners, watch)?;
     let mut homes = gather(&mut bands, &wholes, watch)?;
     let labels = number(&bands, &mut homes, min_area);
-    out.bands(BAND_ROWS).into_par_iter().zip(&bands).zip(&wholes).try_for_each(|(((_, view), band), wholes)| {
+    let table = homes.par_iter().map(|home| bands[home.band].extents[home.part].component(x0, y0)).collect();
+    bands.into_par_iter().zip(&wholes).try_for_each(|(band, wholes)| {
         let labels: Vec<u32> = wholes.iter().map(|&whole| labels[whole as usize]).collect();
-        band.paint(&labels, view);
+        band.paint(&labels);
         steps.step()
     })?;
-    Ok(homes.par_iter().map(|home| bands[home.band].extents[home.part].component(x0, y0)).collect())
+    Ok(table)
 }
 
 /// Describes the labels of a plane: each label but 0 with its component, labels rising.
@@ -123,18 +124,18 @@ struct Home {
 
 /// Joins the parts of components across the borders of bands: for each part of each band the number of its component,
 /// counted from 0 in raster order.
-fn join(bands: &[Band], reach: u32, watch: Watch) -> Result<Vec<Vec<u32>>, Interrupted> {
+fn join(bands: &[Band], corners: bool, watch: Watch) -> Result<Vec<Vec<u32>>, Interrupted> {
     let parts: usize = bands.iter().map(|band| band.extents.len()).sum();
     watch.reserve(2 * parts * size_of::<u32>())?;
-    let (mut unions, mut pairs, mut offset) = (Unions::default(), Vec::new(), 0);
+    let width = bands.first().map_or(0, |band| band.first_bits().len() * WORD);
+    let (mut unions, mut pairs, mut offset) = (Unions::default(), vec![[0; 2]; width], 0);
     unions.extend(parts as u32);
     for pair in bands.windows(2) {
         watch.go_on()?;
-        let (above, below) = (pair[0].last_row(), pair[1].first_row());
         let next = offset + pair[0].extents.len() as u32;
-        for &[a, b] in touching(pair[0].runs(above.clone()), pair[1].runs(below.clone()), reach, &mut pairs) {
-            let (a, b) = (above.start + a as usize, below.start + b as usize);
-            unions.join(offset + pair[0].parts[a], next + pair[1].parts[b]);
+        for &[a, b] in touching(pair[0].last_bits(), pair[1].first_bits(), corners, &mut pairs) {
+            let (a, b) = (pair[0].edges[1][a as usize], pair[1].edges[0][b as usize]);
+            unions.join(offset + pair[0].parts[a as usize], next + pair[1].parts[b as usize]);
         }
         offset = next;
     }

@@ -12,6 +12,20 @@ impl Unions {
         self.parents.extend(self.parents.len() as u32..count);
     }
 
+    /// Adds a node, a set of its own.
+    #[inline(always)]
+    pub(super) fn add(&mut self) -> u32 {
+        let node = self.parents.len() as u32;
+        self.parents.push(node);
+        node
+    }
+
+    /// A node of the same set, nearer to the root if there is one.
+    #[inline(always)]
+    pub(super) fn parent(&self, node: u32) -> u32 {
+        self.parents[node as usize]
+    }
+
     /// Root of the node's set; halves the path to it.
     fn root(&mut self, mut node: u32) -> u32 {
         loop {
