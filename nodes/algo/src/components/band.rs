@@ -77,14 +77,17 @@ impl<'a> Work for Scan<'_, 'a> {
         let (mut pairs, mut ends) = (vec![[0; 2]; words * WORD], vec![0; width + 1]);
         let (mut first, mut above, mut names) = (Vec::new(), Vec::new(), Vec::new());
         let mut named = Named::default();
-        for y in 0..height {
-            let (done, row) = bits[..(y + 1) * words].split_at_mut(y * words);
+        // All rows at first: memory is quicker read in one go.
+        for (y, row) in bits.chunks_mut(words).enumerate() {
             row_bits(lanes, self.mask.row(self.top + y), row);
+        }
+        for y in 0..height {
+            let row = &bits[y * words..][..words];
             let runs = find_runs(row, width, &mut ends);
             names.clear();
             names.resize(runs.len(), NONE);
             if y > 0 {
-                let pairs = touching(&done[(y - 1) * words..], row, self.corners, &mut pairs);
+                let pairs = touching(&bits[(y - 1) * words..][..words], row, self.corners, &mut pairs);
                 named.pass_down(pairs, &above, &mut names);
             }
             named.measure(runs, (self.top + y) as u32, &mut names);
@@ -186,12 +189,12 @@ impl Work for Paint<'_> {
     #[inline(always)]
     fn with<L: Lanes>(mut self, lanes: L) {
         let width = self.out.width();
-        // The label of run n at n + 1, with room for eight from any run on.
-        let mut labels = vec![0; width / 2 + 10];
+        // The label of run n at n + 2, with room for eight from any run on.
+        let mut labels = vec![0; width / 2 + 11];
         for (y, bits) in self.bits.chunks(words(width)).enumerate() {
             let row = self.out.row_mut(y);
             let runs: u32 = with_left(bits).map(|(word, left)| (word & !left).count_ones()).sum();
-            for (label, &name) in labels[1..].iter_mut().zip(&row[..runs as usize]) {
+            for (label, &name) in labels[2..].iter_mut().zip(&row[..runs as usize]) {
                 *label = self.labels[name as usize];
             }
             paint_row(lanes, bits, &labels, row);
@@ -201,21 +204,33 @@ impl Work for Paint<'_> {
 
 #[inline(always)]
 fn paint_row<L: Lanes>(lanes: L, bits: &[u64], labels: &[u32], row: &mut [u32]) {
-    let mut runs = 0;
-    for ((word, left), row) in with_left(bits).zip(row.chunks_mut(WORD)) {
-        let starts = word & !left;
-        for (index, row) in row.chunks_mut(8).enumerate() {
-            let at = |bits: u64| (bits >> (8 * index)) as u8;
-            // The first run in the byte may have begun before.
-            let first = runs - usize::from(at(word & left) & 1);
-            let mut values = *labels[first..].first_chunk().expect("there is room");
-            values[0] = 0;
-            let painted = lanes.pick(values, RUN_IN_BYTE[usize::from(at(word))]);
-            match <&mut [u32; 8]>::try_from(&mut *row) {
-                Ok(row) => *row = painted,
-                Err(_) => row.copy_from_slice(&painted[..row.len()]),
-            }
-            runs += at(starts).count_ones() as usize;
+    let (words, rest) = row.as_chunks_mut::<WORD>();
+    let (mut words, mut runs) = (words.iter_mut(), 0);
+    for (word, left) in with_left(bits) {
+        let labels = &labels[runs..];
+        if let Some(pixels) = words.next() {
+            runs += paint_word(lanes, word, left, labels, pixels);
+        } else {
+            let mut pixels = [0; WORD];
+            paint_word(lanes, word, left, labels, &mut pixels);
+            rest.copy_from_slice(&pixels[..rest.len()]);
         }
     }
+}
+
+/// Paints the pixels of a word; `labels` are those of the last run that began before and of those that follow. Gives the
+/// count of runs that begin here.
+#[inline(always)]
+fn paint_word<L: Lanes>(lanes: L, word: u64, left: u64, labels: &[u32], pixels: &mut [u32; WORD]) -> usize {
+    let starts = word & !left;
+    let mut runs = 0;
+    for (index, pixels) in pixels.as_chunks_mut::<8>().0.iter_mut().enumerate() {
+        let at = |bits: u64| (bits >> (8 * index)) as u8;
+        // The first run in the byte may have begun before.
+        let first = runs + 1 - usize::from(at(word & left) & 1);
+        let labels = labels[first..].first_chunk().expect("there is room");
+        *pixels = lanes.pick(*labels, RUN_IN_BYTE[usize::from(at(word))]);
+        runs += at(starts).count_ones() as usize;
+    }
+    runs
 }

@@ -2,7 +2,7 @@
 
 use pulp::{Simd, WithSimd};
 #[cfg(target_arch = "x86_64")]
-use pulp::{bytemuck::cast, f32x8, f32x16, u32x8, x86::V3, x86::V4};
+use pulp::{bytemuck::cast, f32x8, f32x16, x86::V3, x86::V4};
 
 /// Pixels per word of bits.
 pub(super) const WORD: usize = 64;
@@ -12,7 +12,7 @@ pub(super) trait Lanes: Copy {
     /// Bit x tells whether sample x is above 0.5.
     fn above_half(self, samples: &[f32; WORD]) -> u64;
 
-    /// Value `places[x]` for each x; places are below 8.
+    /// Value `places[x]` for each x, 0 where that is 0; places are below 8.
     fn pick(self, values: [u32; 8], places: [u8; 8]) -> [u32; 8];
 }
 
@@ -28,7 +28,7 @@ impl Lanes for Plain {
 
     #[inline(always)]
     fn pick(self, values: [u32; 8], places: [u8; 8]) -> [u32; 8] {
-        places.map(|place| values[usize::from(place) & 7])
+        places.map(|place| if place == 0 { 0 } else { values[usize::from(place) & 7] })
     }
 }
 
@@ -47,9 +47,9 @@ impl Lanes for V3 {
 
     #[inline(always)]
     fn pick(self, values: [u32; 8], places: [u8; 8]) -> [u32; 8] {
-        let places = self.avx2._mm256_cvtepu8_epi32(cast([places, [0; 8]]));
-        let picked: u32x8 = cast(self.avx2._mm256_permutevar8x32_epi32(cast(values), places));
-        cast(picked)
+        let places = self.avx2._mm256_cvtepu8_epi32(cast([u64::from_le_bytes(places), 0]));
+        let values = self.avx2._mm256_blend_epi32::<1>(cast(values), cast([0u32; 8]));
+        cast(self.avx2._mm256_permutevar8x32_epi32(values, places))
     }
 }
 
