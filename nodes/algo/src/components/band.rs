@@ -114,13 +114,16 @@ impl Named {
     /// Gives runs below names of those above that they touch, and unites what meets.
     #[inline(always)]
     fn pass_down(&mut self, pairs: &[[u32; 2]], above: &[u32], below: &mut [u32]) {
+        let (mut run, mut known) = (NONE, NONE);
         for &[a, b] in pairs {
             let name = self.unions.parent(above[a as usize]);
-            let known = below[b as usize];
-            below[b as usize] = if known == NONE { name } else { known };
-            if known != NONE && known != name {
-                self.unions.join(known, name);
+            let again = b == run;
+            if again & (name != known) {
+                self.unions.join(name, known);
             }
+            known = if again { known } else { name };
+            run = b;
+            below[b as usize] = known;
         }
     }
 
