@@ -2,7 +2,8 @@
 
 use super::extent::Extent;
 use super::lanes::{Lanes, WORD, Work, with_lanes};
-use super::runs::{find_runs, row_bits, touching, with_left};
+use super::paint::Paint;
+use super::runs::{Run, find_runs, row_bits, touching};
 use super::unions::Unions;
 use crate::view::{View, ViewMut};
 
@@ -54,8 +55,8 @@ impl<'a> Band<'a> {
 
     /// Writes the label of its part into each pixel of each run, 0 elsewhere.
     pub(super) fn paint(self, labels: &[u32]) {
-        let labels = self.parts.iter().map(|&part| labels[part as usize]).collect();
-        with_lanes(Paint { bits: self.bits, labels, out: self.out });
+        let labels: Vec<u32> = self.parts.iter().map(|&part| labels[part as usize]).collect();
+        with_lanes(Paint { bits: &self.bits, labels: &labels, out: self.out });
     }
 }
 
@@ -129,7 +130,7 @@ impl Named {
 
     /// Adds the runs of row `y` to the extents of their names; those without get new ones.
     #[inline(always)]
-    fn measure(&mut self, runs: &[[u32; 2]], y: u32, names: &mut [u32]) {
+    fn measure(&mut self, runs: &[Run], y: u32, names: &mut [u32]) {
         for (name, &run) in names.iter_mut().zip(runs) {
             let extent = Extent::of_run(run, y);
             if *name == NONE {
@@ -160,80 +161,38 @@ impl Named {
     }
 }
 
-/// For each byte of bits, which of its runs, counted from 1, each pixel lies in, 0 if in none.
-const RUN_IN_BYTE: [[u8; 8]; 256] = {
-    let mut table = [[0; 8]; 256];
-    let mut byte = 0;
-    while byte < 256 {
-        let (mut x, mut run) = (0, 0);
-        while x < 8 {
-            let set = byte >> x & 1 == 1;
-            if set && (x == 0 || byte >> (x - 1) & 1 == 0) {
-                run += 1;
-            }
-            table[byte][x] = if set { run } else { 0 };
-            x += 1;
-        }
-        byte += 1;
-    }
-    table
-};
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::components::lanes::with_each;
 
-struct Paint<'a> {
-    bits: Vec<u64>,
-    /// Of each name.
-    labels: Vec<u32>,
-    out: ViewMut<'a, u32>,
-}
+    #[derive(Clone, Copy)]
+    struct Whole<'m>(View<'m, f32>);
 
-impl Work for Paint<'_> {
-    type Result = ();
+    impl Work for Whole<'_> {
+        type Result = (Vec<u64>, [Vec<u32>; 2], Vec<u32>, Vec<u32>);
 
-    #[inline(always)]
-    fn with<L: Lanes>(mut self, lanes: L) {
-        let width = self.out.width();
-        // The label of run n at n + 2, with room for eight from any run on.
-        let mut labels = vec![0; width / 2 + 11];
-        for (y, bits) in self.bits.chunks(words(width)).enumerate() {
-            let row = self.out.row_mut(y);
-            let runs: u32 = with_left(bits).map(|(word, left)| (word & !left).count_ones()).sum();
-            for (label, &name) in labels[2..].iter_mut().zip(&row[..runs as usize]) {
-                *label = self.labels[name as usize];
-            }
-            paint_row(lanes, bits, &labels, row);
+        #[inline(always)]
+        fn with<L: Lanes>(self, lanes: L) -> Self::Result {
+            let (width, height) = (self.0.width(), self.0.height());
+            let mut out = vec![7; width * height];
+            let view = ViewMut::packed(&mut out, width, height);
+            let Band { bits, edges, parts, out: view, .. } =
+                Scan { mask: self.0, top: 0, corners: true, out: view }.with(lanes);
+            Paint { bits: &bits, labels: &parts, out: view }.with(lanes);
+            (bits, edges, parts, out)
         }
     }
-}
 
-#[inline(always)]
-fn paint_row<L: Lanes>(lanes: L, bits: &[u64], labels: &[u32], row: &mut [u32]) {
-    let (words, rest) = row.as_chunks_mut::<WORD>();
-    let (mut words, mut runs) = (words.iter_mut(), 0);
-    for (word, left) in with_left(bits) {
-        let labels = &labels[runs..];
-        if let Some(pixels) = words.next() {
-            runs += paint_word(lanes, word, left, labels, pixels);
-        } else {
-            let mut pixels = [0; WORD];
-            paint_word(lanes, word, left, labels, &mut pixels);
-            rest.copy_from_slice(&pixels[..rest.len()]);
+    #[test]
+    fn all_lanes_give_the_same() {
+        for width in [1, 63, 64, 65, 200] {
+            let samples: Vec<f32> =
+                (0..width * 20).map(|i: usize| (i.wrapping_mul(2_654_435_761) >> 9 & 7) as f32).collect();
+            let mask: Vec<f32> =
+                samples.iter().map(|&sample| if sample == 7.0 { f32::NAN } else { sample / 5.0 }).collect();
+            let found = with_each(Whole(View::packed(&mask, width, 20)));
+            assert!(found.iter().all(|one| *one == found[0]), "{width}");
         }
     }
-}
-
-/// Paints the pixels of a word; `labels` are those of the last run that began before and of those that follow. Gives the
-/// count of runs that begin here.
-#[inline(always)]
-fn paint_word<L: Lanes>(lanes: L, word: u64, left: u64, labels: &[u32], pixels: &mut [u32; WORD]) -> usize {
-    let starts = word & !left;
-    let mut runs = 0;
-    for (index, pixels) in pixels.as_chunks_mut::<8>().0.iter_mut().enumerate() {
-        let at = |bits: u64| (bits >> (8 * index)) as u8;
-        // The first run in the byte may have begun before.
-        let first = runs + 1 - usize::from(at(word & left) & 1);
-        let labels = labels[first..].first_chunk().expect("there is room");
-        *pixels = lanes.pick(*labels, RUN_IN_BYTE[usize::from(at(word))]);
-        runs += at(starts).count_ones() as usize;
-    }
-    runs
 }

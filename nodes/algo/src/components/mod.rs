@@ -3,6 +3,7 @@
 mod band;
 mod extent;
 mod lanes;
+mod paint;
 mod runs;
 mod unions;
 

@@ -72,3 +72,86 @@ pub(super) fn touching<'a>(above: &[u64], below: &[u64], corners: bool, pairs: &
     }
     &pairs[..count]
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::lanes::Plain;
+    use super::*;
+
+    fn runs_of(row: &[f32]) -> Vec<Run> {
+        let mut bits = vec![0; row.len().div_ceil(WORD)];
+        row_bits(Plain, row, &mut bits);
+        find_runs(&bits, row.len(), &mut vec![0; row.len() + 1]).to_vec()
+    }
+
+    #[test]
+    fn runs_are_where_samples_exceed_one_half() {
+        let row = [1.0, 0.5, 0.51, f32::INFINITY, f32::NAN, -1.0, 0.6];
+        assert_eq!(runs_of(&row), [[0, 1], [2, 4], [6, 7]]);
+        assert_eq!(runs_of(&[]), [[0; 2]; 0]);
+    }
+
+    #[test]
+    fn runs_cross_words_and_end_with_the_row() {
+        for width in [63, 64, 65, 127, 128, 200] {
+            let end = width as u32;
+            assert_eq!(runs_of(&vec![1.0; width]), [[0, end]]);
+            let mut row = vec![0.0; width];
+            row[width - 1] = 1.0;
+            row[30..63].fill(1.0);
+            let expected = if width <= 64 { vec![[30, end]] } else { vec![[30, 63], [end - 1, end]] };
+            assert_eq!(runs_of(&row), expected);
+        }
+    }
+
+    /// A row's bits.
+    fn bits(runs: &[Run], width: usize) -> Vec<u64> {
+        let mut bits = vec![0; width.div_ceil(WORD)];
+        runs.iter()
+            .flat_map(|&[start, end]| start..end)
+            .for_each(|x| bits[x as usize / WORD] |= 1 << (x % WORD as u32));
+        bits
+    }
+
+    #[test]
+    fn corners_touch_only_if_asked() {
+        let (above, below) = ([[0, 2], [4, 5], [7, 9]], [[2, 4], [5, 6], [8, 9]]);
+        let (above, below, mut pairs) = (bits(&above, 9), bits(&below, 9), [[0; 2]; WORD]);
+        assert_eq!(touching(&above, &below, false, &mut pairs), [[2, 2]]);
+        assert_eq!(touching(&above, &below, true, &mut pairs), [[0, 0], [1, 0], [1, 1], [2, 2]]);
+    }
+
+    #[test]
+    fn pairs_are_those_whose_ends_overlap() {
+        // Rows of runs and gaps, 1 to 9 long.
+        let row = |seed: u32| {
+            let (mut runs, mut x, mut state) = (Vec::new(), 0, seed);
+            while x < 300 {
+                let mut next = || {
+                    state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+                    (state >> 24) * 9 / 256 + 1
+                };
+                let start = x + next();
+                x = start + next();
+                runs.push([start, x]);
+            }
+            runs
+        };
+        for seed in 0..50 {
+            let (above, below, mut pairs) = (row(seed), row(seed + 1000), vec![[0; 2]; 320]);
+            for reach in [0, 1] {
+                let touch = |[a, b]: &[u32; 2]| {
+                    let (a, b): (Run, Run) = (above[*a as usize], below[*b as usize]);
+                    a[0] < b[1] + reach && b[0] < a[1] + reach
+                };
+                let all = (0..below.len() as u32).flat_map(|b| (0..above.len() as u32).map(move |a| [a, b]));
+                let expected: Vec<[u32; 2]> = all.filter(touch).collect();
+                assert_eq!(
+                    touching(&bits(&above, 320), &bits(&below, 320), reach == 1, &mut pairs),
+                    expected,
+                    "{seed}"
+                );
+            }
+        }
+    }
+}
