@@ -26,11 +26,11 @@ fn main() -> Result<(), Box<dyn Error>> {
     let (mut labels, mut table) = (vec![1u32; mask.len()], Vec::new());
     for line in std::io::stdin().lock().lines() {
         if line? == "fresh" {
-            labels = Vec::new();
             labels = vec![0; mask.len()];
         }
         let (start, processor) = (Instant::now(), processor_seconds());
-        let (set, view) = (View::packed(&mask, width, mask.len() / width), ViewMut::packed(&mut labels, width, mask.len() / width));
+        let height = mask.len() / width;
+        let (set, view) = (View::packed(&mask, width, height), ViewMut::packed(&mut labels, width, height));
         table = pool.install(|| label(set, connectivity, 0, 0, 0, view, UNWATCHED)).expect("unwatched");
         println!("{} {}", start.elapsed().as_secs_f64(), processor_seconds() - processor);
         std::io::stdout().flush()?;

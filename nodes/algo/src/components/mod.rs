@@ -22,7 +22,7 @@ use unions::Unions;
 const BAND_ROWS: usize = 32;
 
 /// Bytes per column that a thread takes while it scans a band.
-const SCAN_BYTES: usize = 384;
+const SCAN_BYTES: usize = 96;
 
 /// Which neighbours of a pixel it is connected to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -55,10 +55,11 @@ pub struct Component {
 ///
 /// NaN is outside the set. What lies outside the view connects nothing. Stops when `watch` says so.
 ///
-/// Cost: O(area + runs x log(runs)) at worst, O(area) in practice: runs of pixels are joined, not pixels.
+/// Cost: O(area + runs x log(runs)) at worst, O(area) in practice: runs of pixels are joined, not pixels. Between the scans
+/// there is a bit per pixel; the names of the runs wait in `out`.
 ///
 /// He, Chao, Suzuki: A run-based two-scan labeling algorithm, IEEE Trans. Image Processing 17(5), 2008; here bands of
-/// rows are labelled side by side and joined across their borders.
+/// rows are labelled side by side and joined across their borders, and runs that touch are found from words of bits.
 pub fn label(
     mask: View<f32>,
     connectivity: Connectivity,
