@@ -115,6 +115,7 @@ impl Named {
     /// Gives runs below names of those above that they touch, and unites what meets.
     #[inline(always)]
     fn pass_down(&mut self, pairs: &[[u32; 2]], above: &[u32], below: &mut [u32]) {
+        // The last name is kept at hand: to load what was just stored takes long.
         let (mut run, mut known) = (NONE, NONE);
         for &[a, b] in pairs {
             let name = self.unions.parent(above[a as usize]);
