@@ -18,6 +18,7 @@ use crate::adapt::{self, lattice, watch};
 #[serde(default, deny_unknown_fields)]
 pub struct Handles {
     /// The lattice, prepared by HandleFactor.
+    #[schemars(extend("x-maker" = "HandleFactor"))]
     pub factor: In<Factor>,
     /// Points to drag, or to hold where they are.
     pub points: Vec<Point>,

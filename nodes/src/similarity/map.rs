@@ -20,6 +20,7 @@ use crate::adapt::{solver, view, view_mut, watched};
 #[serde(default, deny_unknown_fields)]
 pub struct Similarity {
     /// The picture whose pixels are compared, prepared by SimilarityGuide.
+    #[schemars(extend("x-maker" = "SimilarityGuide"))]
     pub guide: In<Factor>,
     /// Selection points on the picture; each stands for the pixel that it lies in.
     #[schemars(extend("x-unit" = "px", "x-required" = true))]

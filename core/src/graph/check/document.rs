@@ -11,7 +11,7 @@ use crate::graph::frames::parse_frames;
 use crate::graph::read::{self, Ron, Span, Spanned};
 use crate::node::{Output, OutputKind};
 use crate::registry::{NodeType, Registry};
-use crate::value::Kind;
+use crate::schema::PortShape;
 use std::sync::Arc;
 
 const NODES_FORM: &str = "write nodes: { \"name\": Type(..), .. }";
@@ -54,12 +54,11 @@ impl<'a> Graph<'a> {
         (at < entry.span.end).then_some(entry.id)
     }
 
-    /// "`bend` or `keep` would fit", of a few nodes with an output of such a kind.
-    pub fn givers(&self, kinds: &[Kind], except: usize, report: &Reporter) -> Option<String> {
-        let fits = |output: &Output| matches!(output.kind, OutputKind::Is(kind) if kinds.contains(&kind));
+    /// "`bend` or `keep` would fit", of a few nodes with an output for such a port.
+    pub fn givers(&self, port: &PortShape, except: usize, report: &Reporter) -> Option<String> {
         let giver = |entry: &Entry| {
             let outputs = entry.node_type.as_ref()?.outputs;
-            Some(match outputs.iter().position(fits)? {
+            Some(match outputs.iter().position(|output| entry.gives(output, port))? {
                 0 => format!("`{}`", entry.id),
                 number => format!("`{}.{}`", entry.id, outputs[number].name),
             })
@@ -99,6 +98,15 @@ pub(super) struct Entry<'a> {
     pub fields: Vec<Field<'a>>,
     /// Whether it can be checked.
     pub sound: bool,
+}
+
+impl Entry<'_> {
+    /// Whether one of its outputs always gives what a port takes.
+    pub fn gives(&self, output: &Output, port: &PortShape) -> bool {
+        let maker = self.node_type.as_ref().map(|node_type| &*node_type.name);
+        matches!(output.kind, OutputKind::Is(kind) if port.kinds.contains(&kind))
+            && (port.maker.is_none() || port.maker.as_deref() == maker)
+    }
 }
 
 /// A parameter as given.

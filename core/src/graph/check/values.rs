@@ -115,11 +115,14 @@ fn check_together(entry: &Entry, draft: &Draft, report: &mut Reporter) {
     if !draft.params.holes.is_empty() {
         return;
     }
-    let Err(error) = draft.node_type.make(&Json::Object(draft.params.json.clone())).check() else { return };
-    let place = draft.param_at.iter().find(|(name, _)| Some(name.as_str()) == error.parameter);
-    let fault = Fault::new(Code::Conflict, error.message).hint(error.hint).node(entry.id);
-    let fault = Fault { parameter: error.parameter.map(str::to_owned), ..fault };
-    report.add(place.map_or(entry.at, |(_, at)| *at), fault);
+    let Err(mut error) = draft.node_type.make(&Json::Object(draft.params.json.clone())).check() else { return };
+    let others = std::mem::take(&mut error.others);
+    for error in std::iter::once(error).chain(others) {
+        let place = draft.param_at.iter().find(|(name, _)| Some(name.as_str()) == error.parameter);
+        let fault = Fault::new(Code::Conflict, error.message).hint(error.hint).node(entry.id);
+        let fault = Fault { parameter: error.parameter.map(str::to_owned), ..fault };
+        report.add(place.map_or(entry.at, |(_, at)| *at), fault);
+    }
 }
 
 /// What stands in the template for a parameter that is not given, or not rightly: a node can be made of it.

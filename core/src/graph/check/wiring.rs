@@ -28,6 +28,13 @@ pub(super) struct Wired {
     pub kinds: Vec<Vec<Option<Kind>>>,
 }
 
+/// What comes out of an output: its kind, and the node that made it, which others may only pass on.
+#[derive(Clone, Copy)]
+struct Given {
+    kind: Kind,
+    maker: usize,
+}
+
 impl Wired {
     /// What feeds a node.
     pub fn sources(&self, index: usize) -> impl Iterator<Item = usize> {
@@ -57,7 +64,9 @@ pub(super) fn wire(graph: &Graph, drafts: Vec<Option<Draft>>, report: &mut Repor
         });
     }
     let order = order(graph, &drafts, &edges, report);
-    let kinds = kinds(graph, &drafts, &edges, &order, report);
+    let given = given(graph, &drafts, &edges, &order, report);
+    let kind = |given: Vec<Option<Given>>| given.into_iter().map(|given| Some(given?.kind)).collect();
+    let kinds = given.into_iter().map(kind).collect();
     let slots = drafts.iter().zip(&edges).map(|(draft, (ports, _))| {
         let references = draft.iter().flat_map(|draft| &draft.ports);
         (references.zip(ports))
@@ -169,19 +178,19 @@ fn cycle_through(net: &DiGraph<(), ()>, start: usize) -> Vec<usize> {
     vec![start]
 }
 
-/// Kinds of all outputs, and a fault per edge whose kinds do not fit.
-fn kinds(
+/// What all outputs give, and a fault per edge where it does not fit.
+fn given(
     graph: &Graph,
     drafts: &[Option<Draft>],
     edges: &[Incoming],
     order: &[usize],
     report: &mut Reporter,
-) -> Vec<Vec<Option<Kind>>> {
-    let mut kinds: Vec<Vec<Option<Kind>>> = (graph.nodes.iter())
-        .map(|node| {
+) -> Vec<Vec<Option<Given>>> {
+    let mut given: Vec<Vec<Option<Given>>> = (graph.nodes.iter().enumerate())
+        .map(|(maker, node)| {
             let outputs = node.node_type.iter().flat_map(|node_type| node_type.outputs);
             let fixed = |output: &crate::node::Output| match output.kind {
-                OutputKind::Is(kind) => Some(kind),
+                OutputKind::Is(kind) => Some(Given { kind, maker }),
                 OutputKind::SameAs(_) => None,
             };
             outputs.map(fixed).collect()
@@ -195,36 +204,47 @@ fn kinds(
             if let OutputKind::SameAs(port) = output.kind {
                 let fed = draft.ports.iter().zip(ports).find(|(reference, _)| reference.param == port);
                 let edge = fed.and_then(|(_, edge)| edge.as_ref());
-                kinds[index][number] = edge.and_then(|edge| kinds[edge.from][edge.output?]);
+                given[index][number] = edge.and_then(|edge| given[edge.from][edge.output?]);
             }
         }
         let references = draft.ports.iter().zip(ports).chain(draft.links.iter().zip(links));
         for (reference, edge) in references {
-            let kind = edge.as_ref().and_then(|edge| kinds[edge.from][edge.output?]);
-            if let Some(kind) = kind {
-                check_kind(graph, index, reference, kind, edge.as_ref().map_or(index, |edge| edge.from), report);
+            let Some(edge) = edge else { continue };
+            if let Some(given) = edge.output.and_then(|output| given[edge.from][output]) {
+                check_edge(graph, index, reference, given, edge.from, report);
             }
         }
     }
-    kinds
+    given
 }
 
-fn check_kind(graph: &Graph, index: usize, reference: &Reference, kind: Kind, from: usize, report: &mut Reporter) {
-    let (fits, takes) = match &reference.port {
-        Some(port) => (port.kinds.contains(&kind), PortShape::describe(port)),
-        None => (kind == Kind::Number, "a number, or a node that gives Number".to_owned()),
-    };
-    if fits {
+fn check_edge(graph: &Graph, index: usize, reference: &Reference, given: Given, from: usize, report: &mut Reporter) {
+    let number = PortShape::of(Kind::Number);
+    let port = reference.port.as_ref().unwrap_or(&number);
+    let maker = graph.nodes[given.maker].node_type.as_ref().map(|node_type| &*node_type.name);
+    let is_foreign = port.maker.is_some() && port.maker.as_deref() != maker;
+    if port.kinds.contains(&given.kind) && !is_foreign {
         return;
     }
-    let message = format!("`{}` takes {takes}; `{}` gives {kind}", reference.param, reference.text);
-    let wanted = reference.port.as_ref().map_or(&[Kind::Number][..], |port| &port.kinds);
-    let outputs = graph.nodes[from].node_type.iter().flat_map(|node_type| node_type.outputs);
-    let better = outputs.filter(|output| matches!(output.kind, OutputKind::Is(kind) if wanted.contains(&kind)));
-    let hint = better.map(|output| format!("did you mean \"{}.{}\"?", graph.nodes[from].id, output.name)).next();
-    let hint = hint.or_else(|| graph.givers(wanted, index, report)).unwrap_or_else(|| {
-        let kinds: Vec<&str> = wanted.iter().map(|kind| kind.name()).collect();
-        format!("no node gives {} yet", kinds.join(" or "))
+    let takes = match &reference.port {
+        Some(port) => PortShape::describe(port),
+        None => "a number, or a node that gives Number".to_owned(),
+    };
+    let gives = match maker.filter(|_| given.kind == Kind::Factor && is_foreign) {
+        Some(maker) => format!("the Factor of a {maker}"),
+        None => given.kind.to_string(),
+    };
+    let message = format!("`{}` takes {takes}; `{}` gives {gives}", reference.param, reference.text);
+    let node = &graph.nodes[from];
+    let outputs = node.node_type.iter().flat_map(|node_type| node_type.outputs);
+    let better = outputs.filter(|output| node.gives(output, port));
+    let hint = better.map(|output| format!("did you mean \"{}.{}\"?", node.id, output.name)).next();
+    let hint = hint.or_else(|| graph.givers(port, index, report)).unwrap_or_else(|| match &port.maker {
+        Some(maker) => format!("add a {maker}"),
+        None => {
+            let kinds: Vec<&str> = port.kinds.iter().map(|kind| kind.name()).collect();
+            format!("no node gives {} yet", kinds.join(" or "))
+        }
     });
     let fault = Fault::new(Code::WrongKind, message).node(graph.nodes[index].id).parameter(&reference.param);
     report.add(reference.at, fault.hint(hint));
