@@ -4,11 +4,10 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use warploom_core::diag::Fault;
-use warploom_core::value::Kind;
-
+use warploom_core::schema::PortShape;
 use warploom_tests::Random;
+use warploom_tests::graphs::{Gives, Good, Piece, Role};
 
-use crate::generate::{Good, Piece, Role};
 use crate::{NODES, faults_of};
 
 /// A graph with one slip, and what is to be said of it.
@@ -90,7 +89,7 @@ impl Slip {
                 slip.at += 1;
                 Some(slip)
             }
-            (8, Role::Reference(kinds)) => swapped(good, piece, kinds, random),
+            (8, Role::Reference(port)) => swapped(good, piece, port, random),
             (_, Role::Number(min, max)) => {
                 let (min, max) = (min.map(|min| min - 1.0), max.map(|max| max + 1.0));
                 let number = if random.below(2) == 0 { min.or(max) } else { max.or(min) }?;
@@ -102,21 +101,21 @@ impl Slip {
     }
 }
 
-/// Another node made before, of a kind that does not fit; any node that fits may be suggested.
-fn swapped(good: &Good, piece: &Piece, kinds: &[Kind], random: &mut Random) -> Option<Slip> {
+/// Another node made before, whose first output does not fit; any node that fits may be suggested.
+fn swapped(good: &Good, piece: &Piece, port: &PortShape, random: &mut Random) -> Option<Slip> {
     // A reference with an output would be an unknown output first.
     if good.text[piece.span.end..].starts_with('.') {
         return None;
     }
-    let first = |node: usize| good.made[node].kinds.first().map(|(_, kind)| *kind);
-    let wrong: Vec<usize> = (0..piece.node).filter(|&node| first(node).is_some_and(|k| !kinds.contains(&k))).collect();
+    let is_wrong = |node: &usize| good.made[*node].gives.first().is_some_and(|gives| !gives.fits(port));
+    let wrong: Vec<usize> = (0..piece.node).filter(is_wrong).collect();
     if wrong.is_empty() {
         return None;
     }
     let other = &good.made[*random.pick(&wrong)];
-    let fits = |(_, kind): &&(&str, Kind)| kinds.contains(kind);
-    let better = other.kinds.iter().find(fits).map(|(name, _)| format!("did you mean \"{}.{name}\"?", other.id));
-    let others = good.made.iter().filter(|made| made.kinds.iter().any(|(_, kind)| kinds.contains(kind)));
+    let fits = |gives: &&Gives| gives.fits(port);
+    let better = other.gives.iter().find(fits).map(|gives| format!("did you mean \"{}.{}\"?", other.id, gives.name));
+    let others = good.made.iter().filter(|made| made.gives.iter().any(|gives| gives.fits(port)));
     let mend = better.map_or_else(|| others.map(|made| format!("`{}", made.id)).collect(), |better| vec![better]);
     Some(Slip::new(good, "swapped port", &piece.span, &other.id, "wrong_kind", &mend))
 }

@@ -34,6 +34,12 @@ pub(super) struct Graph<'a> {
 impl<'a> Graph<'a> {
     /// The nearest name of a node other than number `except`, or all names of a few.
     pub fn suggestion(&self, written: &str, except: usize, report: &Reporter) -> Option<String> {
+        let of_type = |index: &usize| {
+            *index != except && self.nodes[*index].node_type.as_ref().is_some_and(|node_type| &*node_type.name == written)
+        };
+        if let Some(index) = self.looked_at(except, report).find(of_type) {
+            return Some(format!("did you mean `{}`? `{written}` is its type", self.nodes[index].id));
+        }
         let looked_at = self.looked_at(except, report);
         let is_all = looked_at.len() == self.nodes.len();
         let names: Vec<&str> = looked_at.filter(|&index| index != except).map(|index| self.nodes[index].id).collect();
@@ -334,10 +340,14 @@ fn read_plugins(plugins: Option<&Spanned<Ron>>, options: &Options, report: &mut 
 fn as_id(text: &str) -> String {
     let kept = text.chars().map(|c| if c.is_ascii_alphanumeric() || c == '-' { c } else { '_' });
     let id: String = kept.collect();
-    if is_id(&id) { id } else { format!("_{id}") }
+    match id.is_empty() {
+        true => "node".to_owned(),
+        false if is_id(&id) => id,
+        false => format!("_{id}"),
+    }
 }
 
-fn is_id(text: &str) -> bool {
+pub(super) fn is_id(text: &str) -> bool {
     text.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_')
         && text.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '-')
 }
@@ -348,7 +358,10 @@ fn read_id<'a>(key: &'a Spanned<Ron>, report: &mut Reporter) -> Option<&'a str> 
         Ron::Text(id) if is_id(id) => return Some(id),
         Ron::Text(id) => (
             Some(id.as_str()),
-            format!("`{id}` cannot name a node: a name has letters a to z, digits, `_` and `-`, no digit first"),
+            format!(
+                "{} cannot name a node: a name has letters a to z, digits, `_` and `-`, no digit or `-` first",
+                if id.is_empty() { "an empty text".to_owned() } else { format!("`{id}`") }
+            ),
             format!("for example \"{}\"", as_id(id)),
         ),
         Ron::Name(id) => {
@@ -399,7 +412,11 @@ fn read_entry<'a>(id: &'a str, value: &'a Spanned<Ron>, registry: &Registry, rep
         Ron::Tuple { name: Some(name), .. } => {
             entry.at = here(name.span);
             let fault = Fault::new(Code::Malformed, format!("parameters of `{}` have names", name.value)).node(id);
-            report.add(entry.at, fault.hint(format!("write {}(name: value)", name.value)));
+            let first = registry.get(&name.value).and_then(|node_type| node_type.params.first());
+            let hint = first.map_or_else(|| format!("write {}(name: value)", name.value), |param| {
+                format!("write {}({}: .., ..)", name.value, param.name)
+            });
+            report.add(entry.at, fault.hint(hint));
         }
         _ => {
             let message = format!("`{id}` must be a node, found {}", found(&value.value));

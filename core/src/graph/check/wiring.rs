@@ -7,12 +7,12 @@ use petgraph::graph::{DiGraph, NodeIndex};
 use petgraph::{Direction, algo};
 
 use super::Reporter;
-use super::document::Graph;
+use super::document::{Graph, is_id};
 use super::values::{Draft, Reference};
 use crate::diag::{Code, Fault};
 use crate::graph::plan::Slot;
 use crate::node::OutputKind;
-use crate::schema::PortShape;
+use crate::schema::{Arity, PortShape};
 use crate::value::{Kind, Reads};
 
 /// Drafts with their connections.
@@ -92,12 +92,11 @@ fn resolve(graph: &Graph, index: usize, reference: &Reference, report: &mut Repo
     };
     let fault = |code, message| Fault::new(code, message).node(graph.nodes[index].id).parameter(&reference.param);
     let Some(&from) = graph.index.get(id) else {
-        let is_number = reference.port.is_none() && whole.parse::<f64>().is_ok();
-        let (name, hint) = match is_number {
-            true => (whole, Some("a number stands without quotes".to_owned())),
-            false => (id, graph.suggestion(id, index, report)),
+        let (message, hint) = match unlike_a_name(reference, id) {
+            Some(hint) => (format!("\"{whole}\" names no node"), Some(hint)),
+            None => (format!("there is no node `{id}`"), graph.suggestion(id, index, report)),
         };
-        report.add(reference.at, fault(Code::UnknownNode, format!("there is no node `{name}`")).hint(hint));
+        report.add(reference.at, fault(Code::UnknownNode, message).hint(hint));
         return None;
     };
     let Some(node_type) = &graph.nodes[from].node_type else { return Some(Edge { from, output: None }) };
@@ -120,6 +119,27 @@ fn resolve(graph: &Graph, index: usize, reference: &Reference, report: &mut Repo
         report.add(reference.at, fault(Code::UnknownOutput, message).hint(hint));
     }
     Some(Edge { from, output: found })
+}
+
+/// What to write instead of a text that was not meant to be a node's name, or is none at all.
+fn unlike_a_name(reference: &Reference, id: &str) -> Option<String> {
+    let text = reference.text.trim();
+    let begins = |c: char| c.is_ascii_digit() || "+-.".contains(c);
+    let takes_list = reference.port.as_ref().is_some_and(|port| port.arity == Arity::List);
+    Some(match &reference.port {
+        None if text.parse::<f64>().is_ok() => "a number stands without quotes".into(),
+        None if text.starts_with("Keys") && text.contains('(') => "Keys stand without quotes".into(),
+        None if !is_id(id) && text.starts_with(begins) && text.len() > 1 => {
+            "a number stands without quotes and unit; nothing is computed here".into()
+        }
+        None if !is_id(id) && !text.is_empty() => "nothing is computed here: write a number, Keys, or \"node.port\"".into(),
+        Some(_) if takes_list && text.contains(',') => {
+            let names: Vec<String> = text.split(',').map(|name| format!("\"{}\"", name.trim())).collect();
+            format!("use brackets: [{}]", names.join(", "))
+        }
+        _ if id.is_empty() => "write \"node\" or \"node.port\"".into(),
+        _ => return None,
+    })
 }
 
 /// A topological order, and one fault per knot of cycles.

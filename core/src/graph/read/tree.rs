@@ -166,7 +166,8 @@ impl<'a> Reader<'a> {
         match blank_end(self.text, self.at) {
             Ok(end) => self.at = end,
             Err(open) => {
-                self.fault(open, open + 2, "this comment is never closed".to_owned(), None);
+                let hint = Some("write the closing `*/`".to_owned());
+                self.fault(open, open + 2, "this comment is never closed".to_owned(), hint);
                 self.at = self.text.len();
                 self.trouble = Trouble::Leave(0);
             }
@@ -432,8 +433,13 @@ impl<'a> Reader<'a> {
             }
             Err(fault) => {
                 let end = number_run_end(self.text, self.at);
-                self.fault(self.at, end, fault.message, None);
+                let hint = not_a_number_hint(&self.text[self.at..end]);
+                let is_remark = self.rest().starts_with("--");
+                self.fault(self.at, end, fault.message, hint.map(str::to_owned));
                 self.at = end;
+                if is_remark {
+                    self.lose();
+                }
                 Ron::Broken
             }
         }
@@ -468,5 +474,17 @@ impl<'a> Reader<'a> {
             _ => Ron::Range,
         };
         if let Ron::Broken = end { Ron::Broken } else { Ron::Range }
+    }
+}
+
+/// What the author of a number that is none may have meant.
+fn not_a_number_hint(literal: &str) -> Option<&'static str> {
+    let is_range = |(first, last): (&str, &str)| {
+        [first, last].iter().all(|part| !part.is_empty() && part.bytes().all(|byte| byte.is_ascii_digit()))
+    };
+    match literal {
+        _ if literal.starts_with("--") => Some("a comment begins with `//`; a number has one sign"),
+        _ if literal.split_once('-').is_some_and(is_range) => Some("frames stand in double quotes: \"1001-1100\""),
+        _ => None,
     }
 }

@@ -1,7 +1,7 @@
 //! Each slip a person makes gives one fault, where that person would look, and costs the other nodes nothing.
 
 use super::super::{Lines, Reading, Ron, has_broken, read};
-use super::GRAPHS;
+use super::dice::GRAPHS;
 
 /// A graph with these node lines, the first of them line 4, and behind them a node with a fault, in which reading
 /// must have found its feet again.
