@@ -149,7 +149,7 @@ fn as_written(json: &Json, shape: &Shape) -> String {
 }
 
 /// A number as a person writes it: `5`, `0.25`, `1e300`.
-pub(crate) fn shown(value: f64) -> String {
+pub fn shown(value: f64) -> String {
     let text = format!("{value:?}");
     text.strip_suffix(".0").map_or(text.clone(), str::to_owned)
 }

@@ -66,7 +66,8 @@ pub fn foreign_pattern(path: &str) -> Option<(&str, String)> {
         match sign {
             "%" => {
                 let is_last = |behind: &str| !behind.starts_with(|c: char| c.is_ascii_alphanumeric());
-                let (width, _) = word(1).split_once('d').filter(|(width, behind)| is_width(width) && is_last(behind))?;
+                let (width, _) =
+                    word(1).split_once('d').filter(|(width, behind)| is_width(width) && is_last(behind))?;
                 frame(width.len() + 2, width)
             }
             "$" if rest.starts_with("${") => {

@@ -64,7 +64,9 @@ fn any_char(random: &mut Random) -> char {
     match random.below(4) {
         0 => char::from_u32(random.below(0x11_0000) as u32).unwrap_or('\u{FFFD}'),
         1 => char::from(random.below(128) as u8),
-        _ => *random.pick(&['"', '\'', '(', ')', '{', '}', '[', ']', ':', ',', '.', '#', '\n', '/', '*', 'r', '1', '-']),
+        _ => {
+            *random.pick(&['"', '\'', '(', ')', '{', '}', '[', ']', ':', ',', '.', '#', '\n', '/', '*', 'r', '1', '-'])
+        }
     }
 }
 
@@ -82,7 +84,8 @@ struct Flags {
 impl Flags {
     /// Flags that speak of what the text has, or nearly so.
     fn random(text: &str, random: &mut Random) -> Self {
-        let words: Vec<&str> = text.split(|c: char| !c.is_alphanumeric() && c != '_').filter(|w| !w.is_empty()).collect();
+        let words: Vec<&str> =
+            text.split(|c: char| !c.is_alphanumeric() && c != '_').filter(|w| !w.is_empty()).collect();
         let mut word = |random: &mut Random| match random.below(8) {
             0 => String::new(),
             1 => any_char(random).to_string(),
@@ -90,7 +93,14 @@ impl Flags {
             _ => (*random.pick(&words)).to_owned(),
         };
         let values = [
-            "60.0", "(64, 64)", "\"plate\"", "Keys([(1, 2.0), (2, 3.0)])", "[\"a\", 'b', r#\"c\"#]", "NaN", "-1e400", "Cubic",
+            "60.0",
+            "(64, 64)",
+            "\"plate\"",
+            "Keys([(1, 2.0), (2, 3.0)])",
+            "[\"a\", 'b', r#\"c\"#]",
+            "NaN",
+            "-1e400",
+            "Cubic",
         ];
         let set = |random: &mut Random, word: &mut dyn FnMut(&mut Random) -> String| {
             let whole = format!("{}.{}={}", word(random), word(random), random.pick(&values));
@@ -143,7 +153,8 @@ impl Case {
     /// Runs it, and says what was not as it must be: a panic, an answer or a time.
     fn tried(&self, registry: &Registry) -> Option<String> {
         let begun = Instant::now();
-        let wrong = catch_unwind(AssertUnwindSafe(|| self.run(registry))).unwrap_or_else(|_| Some("a panic".to_owned()));
+        let wrong =
+            catch_unwind(AssertUnwindSafe(|| self.run(registry))).unwrap_or_else(|_| Some("a panic".to_owned()));
         // A machine at other work may be slow; what the case itself computes is not.
         let is_slow = begun.elapsed() > LONGEST && {
             let before = cpu_seconds().unwrap_or_default();
@@ -190,7 +201,9 @@ pub fn fuzz(pool: &Pool, registry: &Registry, first: u64, count: u64) -> Outcome
     });
     let mut outcome = Outcome { figures: Vec::new(), violations };
     let (seconds, peak) = (begun.elapsed().as_secs_f64(), peak_bytes());
-    outcome.figures.push(format!("{count} cases from {first} on, {threads} threads: {seconds:.1} s, {} MiB", peak >> 20));
+    outcome
+        .figures
+        .push(format!("{count} cases from {first} on, {threads} threads: {seconds:.1} s, {} MiB", peak >> 20));
     outcome.check(peak <= MOST_MEMORY, || format!("{peak} bytes of memory, more than {MOST_MEMORY}"));
     outcome
 }

@@ -35,7 +35,8 @@ impl<'a> Graph<'a> {
     /// The nearest name of a node other than number `except`, or all names of a few.
     pub fn suggestion(&self, written: &str, except: usize, report: &Reporter) -> Option<String> {
         let of_type = |index: &usize| {
-            *index != except && self.nodes[*index].node_type.as_ref().is_some_and(|node_type| &*node_type.name == written)
+            *index != except
+                && self.nodes[*index].node_type.as_ref().is_some_and(|node_type| &*node_type.name == written)
         };
         if let Some(index) = self.looked_at(except, report).find(of_type) {
             return Some(format!("did you mean `{}`? `{written}` is its type", self.nodes[index].id));
@@ -413,9 +414,10 @@ fn read_entry<'a>(id: &'a str, value: &'a Spanned<Ron>, registry: &Registry, rep
             entry.at = here(name.span);
             let fault = Fault::new(Code::Malformed, format!("parameters of `{}` have names", name.value)).node(id);
             let first = registry.get(&name.value).and_then(|node_type| node_type.params.first());
-            let hint = first.map_or_else(|| format!("write {}(name: value)", name.value), |param| {
-                format!("write {}({}: .., ..)", name.value, param.name)
-            });
+            let hint = first.map_or_else(
+                || format!("write {}(name: value)", name.value),
+                |param| format!("write {}({}: .., ..)", name.value, param.name),
+            );
             report.add(entry.at, fault.hint(hint));
         }
         _ => {

@@ -48,7 +48,9 @@ pub(super) fn instead(value: &Ron, shape: &Shape) -> Option<String> {
         (Shape::Number(_), Ron::List(items)) if items.iter().any(|item| matches!(item.value, Ron::Tuple { .. })) => {
             "what changes over frames is written Keys([(1001, 0.0), (1012, 60.0)])".into()
         }
-        (Shape::Tuple(items), Ron::Struct { name: None, .. }) => format!("leave the names out: ({})", places(items.len())),
+        (Shape::Tuple(items), Ron::Struct { name: None, .. }) => {
+            format!("leave the names out: ({})", places(items.len()))
+        }
         (Shape::Tuple(items), Ron::List(_)) => format!("use parentheses: ({})", places(items.len())),
         (Shape::Tuple(items), Ron::Tuple { .. }) => format!("write ({})", places(items.len())),
         (Shape::List(_), Ron::Tuple { .. }) => format!("use brackets: {}", example(shape)),
@@ -89,11 +91,15 @@ pub(super) fn instead(value: &Ron, shape: &Shape) -> Option<String> {
         }
         (Shape::Number(_), Ron::Text(_)) => "the values of Keys are numbers; none of them can be linked".into(),
         (Shape::Integer { animatable: false, .. }, Ron::Text(_)) => "this number cannot be linked".into(),
-        (Shape::Number(_), Ron::Name(name)) if name != "None" => format!("to link a node, name it in double quotes: \"{name}\""),
+        (Shape::Number(_), Ron::Name(name)) if name != "None" => {
+            format!("to link a node, name it in double quotes: \"{name}\"")
+        }
         (Shape::Bool, Ron::Name(name)) if closest(name, ["true", "false"]).is_some() => {
             suggestion(name, ["true", "false"])?
         }
-        (Shape::Bool, Ron::Text(text)) if ["true", "false"].contains(&text.as_str()) => format!("without quotes: {text}"),
+        (Shape::Bool, Ron::Text(text)) if ["true", "false"].contains(&text.as_str()) => {
+            format!("without quotes: {text}")
+        }
         (Shape::Bool, _) => "write true or false".into(),
         _ => return None,
     })

@@ -132,7 +132,9 @@ fn unlike_a_name(reference: &Reference, id: &str) -> Option<String> {
         None if !is_id(id) && text.starts_with(begins) && text.len() > 1 => {
             "a number stands without quotes and unit; nothing is computed here".into()
         }
-        None if !is_id(id) && !text.is_empty() => "nothing is computed here: write a number, Keys, or \"node.port\"".into(),
+        None if !is_id(id) && !text.is_empty() => {
+            "nothing is computed here: write a number, Keys, or \"node.port\"".into()
+        }
         Some(_) if takes_list && text.contains(',') => {
             let names: Vec<String> = text.split(',').map(|name| format!("\"{}\"", name.trim())).collect();
             format!("use brackets: [{}]", names.join(", "))

@@ -119,7 +119,10 @@ impl Reader<'_> {
             '\u{FEFF}' => "this is a byte order mark: save the file without it",
             c if SMART_QUOTES.contains(&c) => "text stands in straight double quotes: \"..\"",
             c if c.is_whitespace() => "RON does not take this for white space: write a plain space",
-            c if adjacent && word.starts_with(|c: char| c.is_ascii_digit()) && (c.is_alphabetic() || "%°".contains(c)) => {
+            c if adjacent
+                && word.starts_with(|c: char| c.is_ascii_digit())
+                && (c.is_alphabetic() || "%°".contains(c)) =>
+            {
                 "a number carries no unit"
             }
             '/' | '*' if adjacent && word.starts_with(|c: char| c.is_ascii_digit()) => {
