@@ -116,6 +116,7 @@ fn place_of(fault: &Fault, file: &Path) -> String {
 fn subject_of(fault: &Fault) -> String {
     match (&fault.node, &fault.parameter) {
         (Some(node), Some(parameter)) => format!("{node}.{parameter}"),
+        (Some(node), None) if node.is_empty() => "\"\"".into(),
         (Some(node), None) => node.clone(),
         (None, Some(parameter)) => format!("?.{parameter}"),
         (None, None) => "-".into(),

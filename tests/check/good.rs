@@ -9,9 +9,9 @@ use warploom_tests::graphs::{Good, Pool, files, fuzz};
 use crate::{NODES, faults_of};
 
 #[test]
-fn sixty_graphs_check_clean() {
+fn a_hundred_graphs_check_clean() {
     let mut used = BTreeSet::new();
-    for seed in 1..=60 {
+    for seed in 1..=100 {
         let good = Good::new(seed, &NODES);
         let checked = faults_of(&good.text);
         assert!(checked.faults.is_empty(), "{}\n{:#?}", good.text, checked.faults);
@@ -21,7 +21,7 @@ fn sixty_graphs_check_clean() {
         used.extend(plan.nodes.iter().map(|node| node.node_type.name.to_string()));
     }
     let all: BTreeSet<String> = NODES.iter().map(|node_type| node_type.name.to_string()).collect();
-    assert_eq!(used, all, "sixty graphs use every node type");
+    assert_eq!(used, all, "a hundred graphs use every node type");
 }
 
 #[test]

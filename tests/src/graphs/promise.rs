@@ -38,7 +38,8 @@ fn of_fault(lines: &[&str], fault: &Fault) -> Option<&'static str> {
         return Some("every fault has a message and a hint");
     }
     let human = fault.render(false, false, 100);
-    if !human.contains(&place.to_string()) || human.contains('\u{1b}') {
+    let shown = place.file.to_string_lossy().contains(char::is_control) || human.contains(&place.to_string());
+    if !shown || human.contains(|c: char| c.is_control() && c != '\n' && c != '\t') {
         return Some("a person reads the place, and no codes of a terminal");
     }
     let json = serde_json::to_value(fault).ok();
