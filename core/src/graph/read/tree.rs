@@ -1,7 +1,7 @@
 //! Values and brackets: one function per rule of the grammar. What happens after a fault is in `recover`.
 
 use super::attributes::Extensions;
-use super::lex::{NameAt, blank_end, dashed, is_raw_name_char, name_at, number_run_end, quoted_end, run_end};
+use super::lex::{NameAt, blank_end, dashed, is_raw_name_char, line_end, name_at, number_run_end, quoted_end, run_end};
 use super::lines::Lines;
 use super::numbers::{named_float, number};
 use super::{Fault, Reading, Ron, Span, Spanned};
@@ -434,10 +434,11 @@ impl<'a> Reader<'a> {
             Err(fault) => {
                 let end = number_run_end(self.text, self.at);
                 let hint = not_a_number_hint(&self.text[self.at..end]);
-                let is_remark = self.rest().starts_with("--");
+                let is_remark = &self.text[self.at..end] == "--";
                 self.fault(self.at, end, fault.message, hint.map(str::to_owned));
                 self.at = end;
                 if is_remark {
+                    self.at = line_end(self.text, end);
                     self.lose();
                 }
                 Ron::Broken
