@@ -18,7 +18,8 @@ fn another_solvers_factor_is_refused() {
     ] {
         let node_type = node_types().find(|node_type| &*node_type.name == name).expect("it is in the list");
         let graph = Subject::new(node_type, Which::Plain).connected(port, source).graph();
-        let faults = check(&graph, &REGISTRY, &Options::new(Path::new("graph.ron"))).faults;
+        let options = Options { targets: &["it".to_owned()], ..Options::new(Path::new("graph.ron")) };
+        let faults = check(&graph, &REGISTRY, &options).faults;
         let [fault] = &faults[..] else { panic!("one fault: {faults:#?}") };
         let message = format!(
             "`{port}` takes a node that gives the Factor of a {takes}; `{source}` gives the Factor of a {gives}"
