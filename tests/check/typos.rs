@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use warploom_core::diag::{Fault, Place};
-use warploom_core::schema::PortShape;
+use warploom_core::schema::{PortShape, shown};
 use warploom_tests::Random;
 use warploom_tests::graphs::{Gives, Good, Piece, Role};
 
@@ -99,10 +99,10 @@ impl Slip {
             (8, Role::Reference(port)) => swapped(good, piece, port, random),
             (10, _) => turned(good, piece, random),
             (_, Role::Number(min, max)) => {
-                let (min, max) = (min.map(|min| min - 1.0), max.map(|max| max + 1.0));
-                let number = if random.below(2) == 0 { min.or(max) } else { max.or(min) }?;
-                let nearest = if min == Some(number) { number + 1.0 } else { number - 1.0 };
-                slip(&number.to_string(), &[format!("the nearest allowed is {nearest}")])
+                let under = min.map(|min| (min - 1.0, min));
+                let over = max.map(|max| (max + 1.0, max));
+                let (number, nearest) = if random.below(2) == 0 { under.or(over) } else { over.or(under) }?;
+                slip(&number.to_string(), &[format!("the nearest allowed is {}", shown(nearest))])
             }
             _ => None,
         }
