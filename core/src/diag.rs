@@ -216,7 +216,8 @@ impl Fault {
         self
     }
 
-    /// For a terminal or a log: what, where with the line underlined, and the mend.
+    /// For a terminal or a log: what, where with the line underlined, and the mend. Codes of a terminal that a file holds
+    /// are not passed on.
     pub fn render(&self, warning: bool, color: bool, width: usize) -> String {
         let renderer = if color { Renderer::styled() } else { Renderer::plain() }.term_width(width.max(60));
         let level = if warning { Level::WARNING } else { Level::ERROR };
@@ -232,16 +233,16 @@ impl Fault {
                 title = format!("{}: {title}", at.join(", "));
             }
         }
-        let mut group = Group::with_title(level.primary_title(title).id(self.code.name()));
+        let mut group = Group::with_title(level.primary_title(seen(&title)).id(self.code.name()));
         // What was cut off a long line is made up for, so that columns are counted right.
-        let file = self.place.as_ref().map(|place| place.file.display().to_string());
-        let line = self.place.as_ref().map(|place| format!("{}{}", " ".repeat(place.cut), place.text));
+        let file = self.place.as_ref().map(|place| seen(&place.file.display().to_string()));
+        let line = self.place.as_ref().map(|place| format!("{}{}", " ".repeat(place.cut), seen(&place.text)));
         if let (Some(place), Some(file), Some(line)) = (&self.place, &file, &line) {
             let byte = |chars: usize| line.char_indices().nth(chars).map_or(line.len(), |(at, _)| at);
             let first = place.column - 1;
             let (start, end) = (byte(first), byte(first + place.length.max(1)));
             let label = match (&self.node, &self.parameter) {
-                (Some(node), Some(parameter)) => format!("{node}.{parameter}"),
+                (Some(node), Some(parameter)) => seen(&format!("{node}.{parameter}")),
                 _ => String::new(),
             };
             let mark = AnnotationKind::Primary.span(start..end.max(start)).label(label);
@@ -249,10 +250,15 @@ impl Fault {
                 .element(Snippet::source(line.as_str()).line_start(place.line).path(file.as_str()).annotation(mark));
         }
         if let Some(hint) = &self.hint {
-            group = group.element(Level::HELP.message(hint.as_str()));
+            group = group.element(Level::HELP.message(seen(hint)));
         }
         renderer.render(&[group])
     }
+}
+
+/// A text as it may be shown: signs that a terminal would obey are one sign that says so.
+fn seen(text: &str) -> String {
+    text.chars().map(|c| if c.is_control() && c != '\n' && c != '\t' { '\u{FFFD}' } else { c }).collect()
 }
 
 /// The closest of `names` to what was written, if any is close.

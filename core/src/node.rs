@@ -48,7 +48,8 @@ pub trait Node: Serialize + DeserializeOwned + JsonSchema + Default + Send + Syn
     }
 
     /// Refuses parameters that do not go together, so that nothing runs before they are mended. Ports cannot be looked
-    /// at. Asked when a graph is checked, where all parameters are constant, and before every `compute`.
+    /// at. Asked when a graph is checked, where all parameters are constant, and before every `compute`. Of several
+    /// things that are wrong [`NodeError::all`] tells each.
     fn check(&self) -> Result<(), NodeError> {
         Ok(())
     }
@@ -158,6 +159,8 @@ pub struct NodeError {
     pub parameter: Option<&'static str>,
     /// How to mend it.
     pub hint: Option<String>,
+    /// What else is wrong; see [`NodeError::all`].
+    pub others: Vec<NodeError>,
 }
 
 /// Classes of trouble, each with an exit code of its own.
@@ -182,12 +185,21 @@ pub enum ErrorClass {
 impl NodeError {
     /// An error of a class.
     pub fn new(class: ErrorClass, message: impl Into<String>) -> Self {
-        Self { class, message: message.into(), parameter: None, hint: None }
+        Self { class, message: message.into(), parameter: None, hint: None, others: Vec::new() }
     }
 
     /// The inputs do not fit together, or cannot be worked on.
     pub fn refused(message: impl Into<String>) -> Self {
         Self::new(ErrorClass::Refused, message)
+    }
+
+    /// Everything that is wrong of several things looked at, for [`Node::check`]: each is told.
+    pub fn all(checks: impl IntoIterator<Item = Result<(), NodeError>>) -> Result<(), NodeError> {
+        let mut errors = checks.into_iter().filter_map(Result::err);
+        match errors.next() {
+            None => Ok(()),
+            Some(first) => Err(Self { others: first.others.into_iter().chain(errors).collect(), ..first }),
+        }
     }
 
     /// Names the parameter or port it is about.

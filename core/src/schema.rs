@@ -104,6 +104,8 @@ pub struct PortShape {
     pub arity: Arity,
     /// Whether only windows are read.
     pub windows_only: bool,
+    /// The node type whose Factor it takes, if not any's.
+    pub maker: Option<String>,
 }
 
 /// How many connections a port takes.
@@ -147,7 +149,7 @@ fn as_written(json: &Json, shape: &Shape) -> String {
 }
 
 /// A number as a person writes it: `5`, `0.25`, `1e300`.
-pub(crate) fn shown(value: f64) -> String {
+pub fn shown(value: f64) -> String {
     let text = format!("{value:?}");
     text.strip_suffix(".0").map_or(text.clone(), str::to_owned)
 }
@@ -317,7 +319,8 @@ fn port(schema: &Json, kinds: &Json) -> Result<PortShape, String> {
         .collect::<Result<_, String>>()?;
     let arity = if schema.get("type").is_some_and(Json::is_array) { Arity::Optional } else { Arity::One };
     let windows_only = schema.get("x-reads").and_then(Json::as_str) == Some("windows");
-    Ok(PortShape { kinds, arity, windows_only })
+    let maker = schema.get("x-maker").and_then(Json::as_str).map(str::to_owned);
+    Ok(PortShape { kinds, arity, windows_only, maker })
 }
 
 fn choice(variants: &[Json]) -> Result<Vec<Variant>, String> {
@@ -391,6 +394,11 @@ impl Shape {
 }
 
 impl PortShape {
+    /// A port for one connection of a kind.
+    pub fn of(kind: Kind) -> Self {
+        Self { kinds: vec![kind], arity: Arity::One, windows_only: false, maker: None }
+    }
+
     /// What may be connected, in words.
     pub fn describe(&self) -> String {
         let names: Vec<&str> = self.kinds.iter().map(|kind| kind.name()).collect();
@@ -399,6 +407,7 @@ impl PortShape {
             [first @ .., last] if !first.is_empty() => format!("{} or {last}", first.join(", ")),
             _ => names.concat(),
         };
+        let kinds = self.maker.as_ref().map_or(kinds, |maker| format!("the Factor of a {maker}"));
         match self.arity {
             Arity::List => format!("a list of nodes, each giving {kinds}"),
             _ => format!("a node that gives {kinds}"),

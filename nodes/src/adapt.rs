@@ -8,6 +8,7 @@ use warploom_algo::resample::Map;
 use warploom_algo::view::{View, ViewMut};
 use warploom_algo::{Interrupted, Watch, Watcher};
 use warploom_core::node::{Context, ErrorClass, NodeError, Port};
+use warploom_core::schema::shown;
 use warploom_core::value::{
     Buffer, BufferMut, Direction, Factor, Given, Grid, Kind, Raster, Rect, Sample, Value, Warp,
 };
@@ -27,14 +28,19 @@ pub fn lattice(grid: &Grid) -> Lattice {
 
 /// A lattice in words.
 pub fn described(grid: &Grid) -> String {
-    let ([columns, rows], [width, height], [left, top]) = (grid.nodes, grid.spacing, grid.origin);
+    let ([columns, rows], [width, height]) = (grid.nodes, grid.spacing.map(shown));
     let periodic = match grid.periodic {
         [false, false] => "",
         [true, false] => ", periodic in x",
         [false, true] => ", periodic in y",
         [true, true] => ", periodic in x and y",
     };
-    format!("{columns} x {rows} nodes, {width} x {height} px apart, from ({left}, {top}){periodic}")
+    format!("{columns} x {rows} nodes, {width} x {height} px apart, from {}{periodic}", point(grid.origin))
+}
+
+/// A place in words.
+pub fn point([x, y]: [f64; 2]) -> String {
+    format!("({}, {})", shown(x), shown(y))
 }
 
 /// Refuses a warp whose lattice is another than `its`, that of what it is to go with.

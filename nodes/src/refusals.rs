@@ -77,7 +77,7 @@ fn refusals_have_values_and_a_mend() {
         (
             r#"Perspective(grid: "grid", top_left: (20.0, 15.0))"#,
             None,
-            "three corners lie on one line: bottom_left (0, 30), top_left (20, 15) and top_right (40, 0)".into(),
+            "three corners lie on one line: bottom_left (0, 30), top_left (20, 15) and top_right (40, 0) px".into(),
             "put the corners so that they span a convex quadrangle",
         ),
         (
@@ -132,13 +132,14 @@ fn refusals_have_values_and_a_mend() {
         (
             r#"Resample(image: "plate", warp: "warp", fit: true, size: (9, 9))"#,
             Some("fit"),
-            "a size and fit exclude each other".into(),
+            "a size and fit: true exclude each other".into(),
             "leave one of them out",
         ),
         (
             r#"Similarity(guide: "guide", at: [(3.0, 3.0), (40.0, 12.5)])"#,
             Some("at"),
-            "at[1] is (40, 12.5), outside the picture, which covers x from 0 to 40 and y from 0 to 30".into(),
+            "at[1] is (40, 12.5) px, outside the picture: x must be at least 0 and less than 40 px, y at least 0 and"
+                .into(),
             "move it onto the picture",
         ),
         (
@@ -150,7 +151,7 @@ fn refusals_have_values_and_a_mend() {
         (
             r#"SimilarityGuide(image: "plate", diameter: 6)"#,
             Some("diameter"),
-            "the diameter is 6; it may be odd, 1 to 21".into(),
+            "the diameter is 6 px; it must be odd, from 1 to 21 px".into(),
             "use 5 or 7",
         ),
         (

@@ -18,6 +18,7 @@ use std::path::{Path, PathBuf};
 use warploom_core::diag::Fault;
 use warploom_core::graph::frames::parse_frames;
 use warploom_core::graph::{Options, check};
+use warploom_tests::graphs::files;
 
 /// A fault as a fixture tells it.
 #[derive(Debug)]
@@ -115,6 +116,7 @@ fn place_of(fault: &Fault, file: &Path) -> String {
 fn subject_of(fault: &Fault) -> String {
     match (&fault.node, &fault.parameter) {
         (Some(node), Some(parameter)) => format!("{node}.{parameter}"),
+        (Some(node), None) if node.is_empty() => "\"\"".into(),
         (Some(node), None) => node.clone(),
         (None, Some(parameter)) => format!("?.{parameter}"),
         (None, None) => "-".into(),
@@ -167,24 +169,10 @@ fn compare(name: &str, text: &str) -> Option<String> {
     Some(words)
 }
 
-/// All graph files of a folder beside this file, by name.
-pub fn graphs(folder: &str) -> Vec<(String, String)> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("check").join(folder);
-    let mut paths: Vec<PathBuf> =
-        std::fs::read_dir(&folder).expect("the folder").map(|entry| entry.expect("an entry").path()).collect();
-    paths.retain(|path| path.extension().is_some_and(|extension| extension == "ron"));
-    paths.sort();
-    let read = |path: PathBuf| {
-        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        (name, std::fs::read_to_string(&path).expect("a graph"))
-    };
-    paths.into_iter().map(read).collect()
-}
-
 #[test]
 fn every_fault_stands_where_its_fixture_says() {
-    let fixtures = graphs("faults");
-    assert!(fixtures.len() >= 30, "only {} fixtures found", fixtures.len());
+    let fixtures = files("check/faults");
+    assert!(fixtures.len() >= 75, "only {} fixtures found", fixtures.len());
     let wrong: String = fixtures.iter().filter_map(|(name, text)| compare(name, text)).collect();
     assert!(wrong.is_empty(), "{wrong}");
 }
@@ -193,6 +181,6 @@ fn every_fault_stands_where_its_fixture_says() {
 #[test]
 fn line_ends_of_other_systems_change_nothing() {
     let other = |(name, text): &(String, String)| compare(name, &text.replace('\n', "\r\n"));
-    let wrong: String = graphs("faults").iter().filter_map(other).collect();
+    let wrong: String = files("check/faults").iter().filter_map(other).collect();
     assert!(wrong.is_empty(), "{wrong}");
 }

@@ -4,7 +4,6 @@
 
 mod fixtures;
 mod forms;
-mod generate;
 mod good;
 mod limits;
 mod probe;

@@ -166,7 +166,7 @@ fn faults_inside_fields_and_choices() {
     one(
         r#"names: ("x",)"#,
         &[
-            "21 mistyped: `names` takes a list in brackets, each item text in double quotes, found one value in parentheses (use brackets: [.., ..])",
+            "21 mistyped: `names` takes a list in brackets, each item text in double quotes, found one value in parentheses (use brackets: [\"..\", ..])",
         ],
     );
     one(

@@ -3,13 +3,15 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-use warploom_core::diag::Fault;
-use warploom_core::value::Kind;
-
+use warploom_core::diag::{Fault, Place};
+use warploom_core::schema::{PortShape, shown};
 use warploom_tests::Random;
+use warploom_tests::graphs::{Gives, Good, Piece, Role};
 
-use crate::generate::{Good, Piece, Role};
 use crate::{NODES, faults_of};
+
+/// Sorts of slips.
+const SORTS: usize = 11;
 
 /// A graph with one slip, and what is to be said of it.
 struct Slip {
@@ -17,6 +19,8 @@ struct Slip {
     text: String,
     /// Where the fault must stand, in bytes.
     at: usize,
+    /// Characters that must be underlined.
+    length: usize,
     code: &'static str,
     /// One of these must be in the hint, or in the message if the code is `syntax`.
     mend: Vec<String>,
@@ -44,10 +48,10 @@ impl Slip {
         by: &str,
         code: &'static str,
         mend: &[String],
-    ) -> Self {
+    ) -> Option<Self> {
         let mut text = good.text.clone();
         text.replace_range(span.clone(), by);
-        Self { what, text, at: span.start, code, mend: mend.to_vec() }
+        Some(Self { what, text, at: span.start, length: by.chars().count(), code, mend: mend.to_vec() })
     }
 
     /// A slip of some sort in a piece of its choice, if the graph has one that fits.
@@ -68,13 +72,14 @@ impl Slip {
             6 => ("choice in quotes", "mistyped", fitting(&chosen)?),
             7 => ("missing comma", "syntax", fitting(&|piece| piece.role == Role::Comma)?),
             8 => ("swapped port", "wrong_kind", fitting(&|piece| matches!(piece.role, Role::Reference(_)))?),
+            10 => ("cycle", "cycle", fitting(&|piece| matches!(piece.role, Role::Reference(_)))?),
             _ => {
                 let has_end = |piece: &Piece| matches!(piece.role, Role::Number(min, max) if min.or(max).is_some());
                 ("out of range", "out_of_range", fitting(&has_end)?)
             }
         };
         let said = good.said(piece).to_owned();
-        let slip = |by: &str, mend: &[String]| Some(Self::new(good, what, &piece.span, by, code, mend));
+        let slip = |by: &str, mend: &[String]| Self::new(good, what, &piece.span, by, code, mend);
         match (sort, &piece.role) {
             (0..=4, role) => {
                 let by = typo(&said, random);
@@ -88,37 +93,91 @@ impl Slip {
             (7, _) => {
                 let mut slip = slip("", &[format!("found `{}`", piece.param)])?;
                 slip.at += 1;
+                slip.length = piece.param.chars().count();
                 Some(slip)
             }
-            (8, Role::Reference(kinds)) => swapped(good, piece, kinds, random),
+            (8, Role::Reference(port)) => swapped(good, piece, port, random),
+            (10, _) => turned(good, piece, random),
             (_, Role::Number(min, max)) => {
-                let (min, max) = (min.map(|min| min - 1.0), max.map(|max| max + 1.0));
-                let number = if random.below(2) == 0 { min.or(max) } else { max.or(min) }?;
-                let nearest = if min == Some(number) { number + 1.0 } else { number - 1.0 };
-                slip(&number.to_string(), &[format!("the nearest allowed is {nearest}")])
+                let under = min.map(|min| (min - 1.0, min));
+                let over = max.map(|max| (max + 1.0, max));
+                let (number, nearest) = if random.below(2) == 0 { under.or(over) } else { over.or(under) }?;
+                slip(&number.to_string(), &[format!("the nearest allowed is {}", shown(nearest))])
             }
             _ => None,
         }
     }
 }
 
-/// Another node made before, of a kind that does not fit; any node that fits may be suggested.
-fn swapped(good: &Good, piece: &Piece, kinds: &[Kind], random: &mut Random) -> Option<Slip> {
+/// Another node made before, whose first output does not fit; any node that fits may be suggested.
+fn swapped(good: &Good, piece: &Piece, port: &PortShape, random: &mut Random) -> Option<Slip> {
     // A reference with an output would be an unknown output first.
     if good.text[piece.span.end..].starts_with('.') {
         return None;
     }
-    let first = |node: usize| good.made[node].kinds.first().map(|(_, kind)| *kind);
-    let wrong: Vec<usize> = (0..piece.node).filter(|&node| first(node).is_some_and(|k| !kinds.contains(&k))).collect();
+    let is_wrong = |node: &usize| good.made[*node].gives.first().is_some_and(|gives| !gives.fits(port));
+    let wrong: Vec<usize> = (0..piece.node).filter(is_wrong).collect();
     if wrong.is_empty() {
         return None;
     }
     let other = &good.made[*random.pick(&wrong)];
-    let fits = |(_, kind): &&(&str, Kind)| kinds.contains(kind);
-    let better = other.kinds.iter().find(fits).map(|(name, _)| format!("did you mean \"{}.{name}\"?", other.id));
-    let others = good.made.iter().filter(|made| made.kinds.iter().any(|(_, kind)| kinds.contains(kind)));
+    let fits = |gives: &&Gives| gives.fits(port);
+    let better = other.gives.iter().find(fits).map(|gives| format!("did you mean \"{}.{}\"?", other.id, gives.name));
+    let others = good.made.iter().filter(|made| made.gives.iter().any(|gives| gives.fits(port)));
     let mend = better.map_or_else(|| others.map(|made| format!("`{}", made.id)).collect(), |better| vec![better]);
-    Some(Slip::new(good, "swapped port", &piece.span, &other.id, "wrong_kind", &mend))
+    Slip::new(good, "swapped port", &piece.span, &other.id, "wrong_kind", &mend)
+}
+
+/// What feeds each node, by number.
+fn feeds(good: &Good) -> Vec<Vec<usize>> {
+    let mut feeds = vec![Vec::new(); good.made.len()];
+    for piece in good.pieces.iter().filter(|piece| matches!(piece.role, Role::Reference(_))) {
+        feeds[piece.node].extend(good.made.iter().position(|made| made.id == good.said(piece)));
+    }
+    feeds
+}
+
+/// An edge turned round: a node takes from one that it feeds, directly or not, or from itself. The cycle is to be told at
+/// the type of its first node in the file, with all its nodes in the order in which they feed each other.
+fn turned(good: &Good, piece: &Piece, random: &mut Random) -> Option<Slip> {
+    if good.text[piece.span.end..].starts_with('.') {
+        return None;
+    }
+    let mut feeds = feeds(good);
+    let reaches = |from: usize, feeds: &[Vec<usize>]| {
+        let (mut seen, mut open) = (vec![from], vec![from]);
+        while let Some(node) = open.pop() {
+            for &next in &feeds[node] {
+                if !seen.contains(&next) {
+                    seen.push(next);
+                    open.push(next);
+                }
+            }
+        }
+        seen
+    };
+    let downstream = |node: &usize| !good.made[*node].gives.is_empty() && reaches(*node, &feeds).contains(&piece.node);
+    let below: Vec<usize> = (0..good.made.len()).filter(downstream).collect();
+    if below.is_empty() {
+        return None;
+    }
+    let end = *random.pick(&below);
+    let mut slip = Slip::new(good, "cycle", &piece.span, &good.made[end].id, "cycle", &[])?;
+    // What the other references of the node feed is as it was; one of them may name the same.
+    let was = good.made.iter().position(|made| made.id == good.said(piece))?;
+    let at = feeds[piece.node].iter().position(|&node| node == was)?;
+    feeds[piece.node][at] = end;
+    let in_cycle = |node: &usize| feeds[*node].iter().any(|&from| reaches(from, &feeds).contains(node));
+    let type_at = |node: usize| good.pieces.iter().find(|piece| piece.node == node && piece.role == Role::Type);
+    let first =
+        (0..good.made.len()).filter(in_cycle).min_by_key(|&node| type_at(node).map(|piece| piece.span.start))?;
+    let start = type_at(first)?.span.clone();
+    let shift =
+        if start.start > piece.span.start { good.made[end].id.len() as isize - piece.span.len() as isize } else { 0 };
+    slip.at = start.start.checked_add_signed(shift)?;
+    slip.length = start.len();
+    slip.mend = vec![format!("cycle: `{}` -> ", good.made[first].id)];
+    Some(slip)
 }
 
 /// Line and column of a byte, counted the plain way.
@@ -128,29 +187,34 @@ fn position(text: &str, at: usize) -> (usize, usize) {
     (before.matches('\n').count() + 1, before[start..].chars().count() + 1)
 }
 
-fn is_told(slip: &Slip, fault: &Fault) -> bool {
-    // A reference stands at its quote.
-    let quotes = usize::from(matches!(slip.code, "unknown_node" | "wrong_kind"));
-    let mut expected = position(&slip.text, slip.at);
-    expected.1 -= quotes;
-    if slip.code == "unknown_output" {
-        expected.1 -= slip.text[..slip.at].chars().rev().take_while(|&c| c != '"').count() + 1;
+/// Where the slip must be underlined, in bytes: a reference from quote to quote, its output with it.
+fn underlined(slip: &Slip) -> Range<usize> {
+    let (before, behind) = slip.text.split_at(slip.at);
+    if !matches!(slip.code, "unknown_node" | "wrong_kind" | "unknown_output") {
+        return slip.at..slip.at + behind.chars().take(slip.length).map(char::len_utf8).sum::<usize>();
     }
-    let words = if slip.code == "syntax" { Some(&fault.message) } else { fault.hint.as_ref() };
+    before.rfind('"').unwrap_or_default()..slip.at + behind.find('"').unwrap_or_default() + 1
+}
+
+fn is_told(slip: &Slip, fault: &Fault) -> bool {
+    let expected = underlined(slip);
+    let (start, end) = (position(&slip.text, expected.start), position(&slip.text, expected.end));
+    let in_message = matches!(slip.code, "syntax" | "cycle");
+    let words = if in_message { Some(&fault.message) } else { fault.hint.as_ref() };
+    let stands = |place: &Place| (place.line, place.column) == start && place.column + place.length == end.1;
     fault.code.name() == slip.code
-        && fault.place.as_ref().is_some_and(|place| (place.line, place.column) == expected)
+        && fault.place.as_ref().is_some_and(stands)
         && words.is_some_and(|words| slip.mend.iter().any(|mend| words.contains(mend.as_str())))
 }
 
-#[test]
-fn two_hundred_slips_are_told_where_they_are() {
-    let mut random = Random(3);
+/// So many slips, how many of them are told, and the others in words.
+fn slips(count: usize, seed: u64) -> (usize, BTreeMap<&'static str, usize>, String) {
+    let mut random = Random(seed);
     let (mut told, mut missed) = (0, String::new());
     let mut sorts: BTreeMap<&str, usize> = BTreeMap::new();
-    let mut count = 0;
-    for seed in 1000.. {
+    for seed in seed * 1000.. {
         let good = Good::new(seed, &NODES);
-        let Some(slip) = Slip::of(&good, seed as usize % 10, &mut random) else { continue };
+        let Some(slip) = Slip::of(&good, seed as usize % SORTS, &mut random) else { continue };
         let checked = faults_of(&slip.text);
         assert!(!checked.faults.is_empty(), "{}\n{}", slip.what, slip.text);
         *sorts.entry(slip.what).or_default() += 1;
@@ -160,13 +224,23 @@ fn two_hundred_slips_are_told_where_they_are() {
             let line = slip.text.lines().nth(position(&slip.text, slip.at).0 - 1).unwrap_or_default();
             missed += &format!("{}, {:?}: {line}\n{:#?}\n", slip.what, slip.mend, checked.faults);
         }
-        count += 1;
-        if count == 200 {
+        if sorts.values().sum::<usize>() == count {
             break;
         }
     }
-    assert_eq!(sorts.len(), 10, "{sorts:?}");
-    assert!(told >= 190, "{told} of 200\n{missed}");
+    (told, sorts, missed)
+}
+
+/// Other slips, and more, by `WARPLOOM_SLIPS=COUNT` and `WARPLOOM_SEED=NUMBER`.
+#[test]
+fn two_hundred_slips_are_told_where_they_are() {
+    let number =
+        |name: &str, otherwise| std::env::var(name).ok().and_then(|text| text.parse().ok()).unwrap_or(otherwise);
+    let (count, seed) = (number("WARPLOOM_SLIPS", 200), number("WARPLOOM_SEED", 3));
+    let (told, sorts, missed) = slips(count as usize, seed);
+    println!("{told} of {count}: {sorts:?}\n{missed}");
+    assert_eq!(sorts.len(), SORTS, "{sorts:?}");
+    assert!(told as u64 * 100 >= count * 95, "{told} of {count}\n{missed}");
 }
 
 /// The words a person gets wrong, and what they meant, among all names of the house.

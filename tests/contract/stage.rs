@@ -18,7 +18,7 @@ use warploom_nodes::io::codec;
 use crate::given::{Given, Which};
 use crate::texts;
 
-static REGISTRY: LazyLock<Registry> = LazyLock::new(|| Registry::new(&[NODES, &[def::<Given>("Given")]].concat()));
+pub static REGISTRY: LazyLock<Registry> = LazyLock::new(|| Registry::new(&[NODES, &[def::<Given>("Given")]].concat()));
 
 /// The node types under contract.
 pub fn node_types() -> impl Iterator<Item = &'static NodeType> {
@@ -45,14 +45,17 @@ pub fn sources(kind: Kind) -> &'static [&'static str] {
     }
 }
 
-/// The usual source of a kind for a node type: of factors, one of the solver that it knows.
-fn usual(node_type: &NodeType, kind: Kind) -> &'static str {
-    match (kind, &*node_type.name) {
-        (Kind::Factor, "Handles") => "pins",
-        (Kind::Factor, "Detail") => "sets",
-        (Kind::Factor, "Similarity") => "guide",
-        _ => sources(kind)[0],
-    }
+/// All sources that a port takes, the usual one first: of factors, those of the solver that it knows.
+fn fitting(port: &PortShape) -> Vec<&'static str> {
+    let of_maker: &[&str] = match port.maker.as_deref() {
+        None => return port.kinds.iter().flat_map(|kind| sources(*kind)).copied().collect(),
+        Some("FeatureFactor") => &["factor", "stiff"],
+        Some("HandleFactor") => &["pins", "fine_pins"],
+        Some("SimilarSets") => &["sets", "plain_sets"],
+        Some("SimilarityGuide") => &["guide", "plain_guide"],
+        Some(maker) => panic!("no {maker} is on the stage"),
+    };
+    of_maker.to_vec()
 }
 
 /// The usual value of a parameter that must be given: of points on a picture, one that lies on every picture.
@@ -77,7 +80,7 @@ pub struct Subject {
 impl Subject {
     /// Usual sources, and parameters only where there is no default.
     pub fn new(node_type: &'static NodeType, which: Which) -> Self {
-        let ports = node_type.ports().map(|(param, port)| (param.name.clone(), usual(node_type, port.kinds[0])));
+        let ports = node_type.ports().map(|(param, port)| (param.name.clone(), fitting(port)[0]));
         let missing = node_type.params.iter().filter(|p| p.required && !matches!(p.shape, Shape::Port(_)));
         let params = missing.map(|p| (p.name.clone(), given(node_type, &p.name, &p.shape, which)));
         let none = Self { node_type, which, ports: ports.collect(), params: BTreeMap::new() };
@@ -103,8 +106,7 @@ impl Subject {
     pub fn reconnected(&self) -> Vec<Subject> {
         let ports = self.node_type.ports();
         let choices = ports.flat_map(|(param, port)| {
-            let sources = port.kinds.iter().flat_map(|kind| sources(*kind));
-            let others = sources.filter(|source| **source != self.ports[&param.name]);
+            let others = fitting(port).into_iter().filter(|source| *source != self.ports[&param.name]);
             others.map(|source| self.connected(&param.name, source))
         });
         choices.collect()

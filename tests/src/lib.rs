@@ -3,6 +3,7 @@
 pub mod disk_nodes;
 pub mod disk_state;
 pub mod disk_work;
+pub mod graphs;
 pub mod harness;
 pub mod io;
 

@@ -56,6 +56,40 @@ pub fn has_pattern(path: &str) -> bool {
     path.contains('#')
 }
 
+/// What other programs put for a frame number or a variable, if a path has it, and how it is written here.
+pub fn foreign_pattern(path: &str) -> Option<(&str, String)> {
+    path.match_indices(['%', '$', '~']).find_map(|(at, sign)| {
+        let rest = &path[at..];
+        let word = |from: usize| &rest[from..][..rest[from..].find(|c: char| !is_word(c)).unwrap_or(rest.len() - from)];
+        let frame = |len: usize, width: &str| Some((&rest[..len], "#".repeat(width.parse().unwrap_or(1).clamp(1, 9))));
+        let is_width = |text: &str| text.bytes().all(|byte| byte.is_ascii_digit());
+        match sign {
+            "%" => {
+                let is_last = |behind: &str| !behind.starts_with(|c: char| c.is_ascii_alphanumeric());
+                let (width, _) =
+                    word(1).split_once('d').filter(|(width, behind)| is_width(width) && is_last(behind))?;
+                frame(width.len() + 2, width)
+            }
+            "$" if rest.starts_with("${") => {
+                let name = Some(word(2)).filter(|name| !name.is_empty() && rest[2 + name.len()..].starts_with('}'))?;
+                Some((&rest[..name.len() + 3], format!("$(env:{name})")))
+            }
+            "$" => match word(1).strip_prefix('F') {
+                Some(width) if is_width(width) => frame(width.len() + 2, width),
+                _ if word(1).starts_with(|c: char| c.is_ascii_alphabetic()) => {
+                    Some((&rest[..word(1).len() + 1], format!("$(env:{})", word(1))))
+                }
+                _ => None,
+            },
+            _ => (at == 0 && rest.starts_with("~/")).then(|| ("~", "$(env:HOME)".to_owned())),
+        }
+    })
+}
+
+fn is_word(c: char) -> bool {
+    c.is_ascii_alphanumeric() || c == '_'
+}
+
 /// A path in two: the graph's folder where it begins with that, whose signs mean themselves, and the rest.
 pub fn split_folder<'a>(path: &'a str, folder: &Path) -> (&'a str, &'a str) {
     match path.strip_prefix(&*folder.to_string_lossy()) {
@@ -140,6 +174,26 @@ mod tests {
         assert_eq!(expand_pattern("a.####.exr", 12), "a.0012.exr");
         assert_eq!(expand_pattern("##/a.#.exr", 1234), "1234/a.1234.exr");
         assert_eq!(expand_pattern("a.####.exr", -3), "a.-0003.exr");
+    }
+
+    #[test]
+    fn patterns_of_other_programs() {
+        for (path, found) in [
+            ("a.%04d.exr", Some(("%04d", "####"))),
+            ("a.%d.exr", Some(("%d", "#"))),
+            ("a.%dir.exr", None),
+            ("a.$F4.exr", Some(("$F4", "####"))),
+            ("$F.exr", Some(("$F", "#"))),
+            ("$SHOT/a.exr", Some(("$SHOT", "$(env:SHOT)"))),
+            ("x/${SHOT}/a.exr", Some(("${SHOT}", "$(env:SHOT)"))),
+            ("~/a.exr", Some(("~", "$(env:HOME)"))),
+            ("100%/a~1.$5.exr", None),
+            ("é%é$é~é.####.exr", None),
+            ("$(env:SHOT)/${", None),
+        ] {
+            let expected = found.map(|(part, instead)| (part, instead.to_owned()));
+            assert_eq!(foreign_pattern(path), expected, "{path}");
+        }
     }
 
     #[test]

@@ -15,6 +15,7 @@ pub struct Constant {
     pub size: [u32; 2],
     /// Red, green, blue and alpha, scene-linear and premultiplied.
     #[default([0.18, 0.18, 0.18, 1.0])]
+    #[schemars(inner(range(min = -1000000.0, max = 1000000.0)))]
     pub color: [f64; 4],
 }
 

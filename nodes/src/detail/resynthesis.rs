@@ -26,6 +26,7 @@ pub struct Detail {
     /// The warp that it was drawn through: where it magnifies, and where pixels come from.
     pub warp: In<Warp>,
     /// What detail looks like, prepared by SimilarSets: the picture before the warp, or another.
+    #[schemars(extend("x-maker" = "SimilarSets"))]
     pub sets: In<Factor>,
     /// How pixels of the training picture are found.
     pub method: Method,

@@ -23,6 +23,7 @@ pub struct Paint {
     pub mode: Mode,
     /// Red, green and blue, scene-linear, not premultiplied; Y takes their luma.
     #[default([1.0, 1.0, 1.0])]
+    #[schemars(inner(range(min = -1000000.0, max = 1000000.0)))]
     pub color: [f64; 3],
     /// What `Brightness` multiplies the picture by.
     #[default(2.0)]

@@ -22,6 +22,7 @@ pub struct FeatureWarp {
     /// The warp to rectify; on the lattice that the factor was made for.
     pub warp: In<Warp>,
     /// The prepared solver.
+    #[schemars(extend("x-maker" = "FeatureFactor"))]
     pub factor: In<Factor>,
     /// What a feature may do.
     pub mode: Mode,

@@ -46,15 +46,14 @@ impl Node for Lattice {
     fn compute(&self, cx: &Context) -> Result<Outputs, NodeError> {
         let display = cx.get(&self.domain).display;
         if display.is_empty() {
-            return Err(
-                NodeError::refused("the display window is empty; a lattice needs at least one pixel").at("domain")
-            );
+            let error = NodeError::refused("the display window is empty; a lattice needs at least one pixel");
+            return Err(error.at("domain").hint("connect a picture that has pixels"));
         }
         let size = [display.width(), display.height()].map(|side| side as f64 + 2.0 * self.overscan);
         let cells = size.map(|side| (side / self.cell + 0.5).floor().max(1.0));
         let [columns, rows] = cells.map(|count| count as u128 + 1);
         if columns * rows > MAX_NODES {
-            let message = format!("the lattice would have {columns} x {rows} nodes, more than 2^32");
+            let message = format!("the lattice would have {columns} x {rows} nodes; there may be at most {MAX_NODES}");
             return Err(NodeError::refused(message).at("cell").hint("use larger cells"));
         }
         let grid = Grid {

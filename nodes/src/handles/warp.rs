@@ -1,3 +1,4 @@
+use std::collections::HashMap;
 use std::time::Instant;
 
 use schemars::JsonSchema;
@@ -6,9 +7,10 @@ use smart_default::SmartDefault;
 use warploom_algo::handles::{self, Error, Handle, Side};
 use warploom_algo::lattice::Lattice;
 use warploom_core::node::{Context, In, Node, NodeError, Output, Outputs};
+use warploom_core::schema::shown;
 use warploom_core::value::Factor;
 
-use crate::adapt::{self, lattice, watch};
+use crate::adapt::{self, lattice, point, watch};
 
 /// Drags points and curves of a lattice to new places; the rest follows and keeps its shape as well as it can.
 ///
@@ -18,6 +20,7 @@ use crate::adapt::{self, lattice, watch};
 #[serde(default, deny_unknown_fields)]
 pub struct Handles {
     /// The lattice, prepared by HandleFactor.
+    #[schemars(extend("x-maker" = "HandleFactor"))]
     pub factor: In<Factor>,
     /// Points to drag, or to hold where they are.
     pub points: Vec<Point>,
@@ -83,6 +86,16 @@ impl Node for Handles {
     const OUTPUTS: &'static [Output] = crate::warp::WARP;
     const CPU_FAMILY: bool = true;
 
+    fn check(&self) -> Result<(), NodeError> {
+        let curves = self.polylines.iter().enumerate().flat_map(|(index, Polyline { from, to })| {
+            [("from", from), ("to", to)]
+                .map(|(end, corners)| at_least_two("polylines", &format!("polylines[{index}].{end}"), corners))
+        });
+        let sides = self.sides().into_iter().filter(|(.., to)| !to.is_empty());
+        let sides = sides.map(|(name, _, to)| at_least_two(name, name, to));
+        NodeError::all(curves.chain(sides).chain([self.one_target_each()]))
+    }
+
     fn compute(&self, cx: &Context) -> Result<Outputs, NodeError> {
         let factor = cx.get(&self.factor);
         let solver: &super::Prepared = adapt::solver(&factor, "factor", "HandleFactor")?;
@@ -118,6 +131,30 @@ impl Node for Handles {
 }
 
 impl Handles {
+    /// Parameter, side and where it goes.
+    fn sides(&self) -> [(&'static str, Side, &Vec<[f64; 2]>); 4] {
+        [
+            ("top", Side::Top, &self.top),
+            ("right", Side::Right, &self.right),
+            ("bottom", Side::Bottom, &self.bottom),
+            ("left", Side::Left, &self.left),
+        ]
+    }
+
+    /// Refuses points that are one and go to two places.
+    fn one_target_each(&self) -> Result<(), NodeError> {
+        let mut first: HashMap<[u64; 2], usize> = HashMap::new();
+        for (index, &Point { from, to }) in self.points.iter().enumerate() {
+            // Adding 0 makes -0 and 0 one place.
+            let before = *first.entry(from.map(|at| (at + 0.0).to_bits())).or_insert(index);
+            if self.points[before].to != to {
+                let names = [before, index].map(|index| format!("points[{index}]"));
+                return Err(two_targets(&names, "points", from, [self.points[before].to, to]));
+            }
+        }
+        Ok(())
+    }
+
     /// All handles, curves as points.
     fn dragged(&self, lattice: &Lattice) -> Result<Dragged, NodeError> {
         let mut dragged = Dragged::default();
@@ -126,8 +163,6 @@ impl Handles {
         }
         for (index, Polyline { from, to }) in self.polylines.iter().enumerate() {
             let name = format!("polylines[{index}]");
-            at_least_two("polylines", &format!("{name}.from"), from)?;
-            at_least_two("polylines", &format!("{name}.to"), to)?;
             let held = handles::along(lattice, from, to).map_err(|error| match error {
                 Error::Outside { index } => {
                     outside(lattice, "polylines", &format!("{name}.from[{index}]"), from[index])
@@ -136,14 +171,7 @@ impl Handles {
             })?;
             dragged.add("polylines", name, held);
         }
-        let sides = [
-            ("top", Side::Top, &self.top),
-            ("right", Side::Right, &self.right),
-            ("bottom", Side::Bottom, &self.bottom),
-            ("left", Side::Left, &self.left),
-        ];
-        for (name, side, to) in sides.into_iter().filter(|(.., to)| !to.is_empty()) {
-            at_least_two(name, name, to)?;
+        for (name, side, to) in self.sides().into_iter().filter(|(.., to)| !to.is_empty()) {
             dragged.add(name, name.to_owned(), handles::side(lattice, side, to));
         }
         Ok(dragged)
@@ -177,37 +205,42 @@ impl Dragged {
                 Some(outside(lattice, parameter, &format!("{name}.from"), self.handles[index].from))
             }
             Error::NotFinite { index } => {
-                let ((parameter, name), [x, y]) = (self.item(index), self.handles[index].to);
-                let message = format!("{name} goes to ({x}, {y}), which is not finite");
+                let ((parameter, name), to) = (self.item(index), self.handles[index].to);
+                let message = format!("{name} goes to {}, which is not finite", point(to));
                 Some(NodeError::refused(message).at(parameter).hint("give it a finite target"))
             }
             Error::Contradiction { first, second } => {
                 let ((_, one), (parameter, other)) = (self.item(first), self.item(second));
-                let [[x, y], [tx, ty], [ux, uy]] =
-                    [self.handles[first].from, self.handles[first].to, self.handles[second].to];
-                let message = format!(
-                    "{one} and {other} drag the place ({x}, {y}) to two targets, ({tx}, {ty}) and ({ux}, {uy})"
-                );
-                Some(NodeError::refused(message).at(parameter).hint("give them one target, or move one of them"))
+                let [one, other] = [one, other].map(str::to_owned);
+                let [first, second] = [&self.handles[first], &self.handles[second]];
+                Some(two_targets(&[one, other], parameter, first.from, [first.to, second.to]))
             }
             _ => None,
         }
     }
 }
 
+fn two_targets(names: &[String; 2], parameter: &'static str, from: [f64; 2], to: [[f64; 2]; 2]) -> NodeError {
+    let ([one, other], [to, elsewhere]) = (names, to.map(point));
+    let message = format!("{one} and {other} drag the place {} to two targets, {to} and {elsewhere} px", point(from));
+    NodeError::refused(message).at(parameter).hint("give them one target, or move one of them")
+}
+
 fn at_least_two(parameter: &'static str, name: &str, corners: &[[f64; 2]]) -> Result<(), NodeError> {
     if corners.len() >= 2 {
         return Ok(());
     }
-    let message = format!("{name} has {} corners; a curve has at least 2", corners.len());
+    let count = if corners.is_empty() { "no corners" } else { "1 corner" };
+    let message = format!("{name} has {count}; a curve has at least 2");
     Err(NodeError::refused(message).at(parameter).hint("drag a single point by `points`"))
 }
 
-fn outside(lattice: &Lattice, parameter: &'static str, name: &str, [x, y]: [f64; 2]) -> NodeError {
+fn outside(lattice: &Lattice, parameter: &'static str, name: &str, at: [f64; 2]) -> NodeError {
     let ([left, top], [width, height]) = (lattice.origin, lattice.size());
-    let (right, bottom) = (left + width, top + height);
+    let [left, right, top, bottom] = [left, left + width, top, top + height].map(shown);
     let message = format!(
-        "{name} is ({x}, {y}), outside the lattice, which covers x from {left} to {right} and y from {top} to {bottom}"
+        "{name} is {} px, outside the lattice: x must be from {left} to {right} px, y from {top} to {bottom} px",
+        point(at)
     );
     NodeError::refused(message).at(parameter).hint("move it inside, or give the Lattice overscan")
 }

@@ -22,7 +22,13 @@ pub(crate) fn colour<'a>(
         let planes: Vec<&Buffer<f32>> = names.iter().filter_map(plane).collect();
         (planes.len() == names.len()).then(|| (*names, [0, 1, 2].map(|i| planes[i % planes.len()])))
     });
-    found.ok_or_else(|| NodeError::refused("the picture needs channels R, G and B, or Y, that hold numbers").at(port))
+    found.ok_or_else(|| {
+        NodeError::refused(
+            "the picture needs channels R, G and B, or Y, that hold numbers; its first layer has neither",
+        )
+        .at(port)
+        .hint("connect a picture with colour")
+    })
 }
 
 /// A picture with other planes for some channels of its first layer, which it has.

@@ -28,6 +28,7 @@ pub struct DrawGrid {
     pub width: f64,
     /// Colour of the lines: red, green, blue and alpha, scene-linear and premultiplied.
     #[default([0.0, 0.6, 1.0, 1.0])]
+    #[schemars(inner(range(min = -1000000.0, max = 1000000.0)))]
     pub color: [f64; 4],
 }
 

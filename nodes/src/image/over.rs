@@ -26,7 +26,9 @@ impl Node for Over {
 
     fn compute(&self, cx: &Context) -> Result<Outputs, NodeError> {
         let images = cx.get_all(&self.images);
-        let (last, fronts) = images.split_last().ok_or_else(|| NodeError::refused("there are no pictures"))?;
+        let (last, fronts) = images.split_last().ok_or_else(|| {
+            NodeError::refused("there are no pictures; at least one is needed").at("images").hint("connect one")
+        })?;
         let window = images.iter().fold(Rect::default(), |window, image| window.union(&image.primary().data));
         let channels = images.iter().flat_map(|image| &image.primary().channels).map(|channel| &channel.name);
         // Of all that is laid over each other two pictures are there at a time: what lies behind, and the next.

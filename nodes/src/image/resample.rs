@@ -92,7 +92,7 @@ impl Node for Resample {
         if !self.fit || self.size.is_none() {
             return Ok(());
         }
-        Err(NodeError::refused("a size and fit exclude each other").at("fit").hint("leave one of them out"))
+        Err(NodeError::refused("a size and fit: true exclude each other").at("fit").hint("leave one of them out"))
     }
 
     fn compute(&self, cx: &Context) -> Result<Outputs, NodeError> {

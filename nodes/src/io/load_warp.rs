@@ -58,7 +58,8 @@ impl Node for LoadWarp {
         let (pixels, positions) = (window(&image.display), cx.get_optional(&self.domain));
         let positions = positions.map_or(pixels, |windows| window(&windows.display));
         if positions.is_empty() {
-            return Err(NodeError::refused("the format is empty; positions in it mean nothing").at("domain"));
+            let error = NodeError::refused("the format is empty; positions in it mean nothing");
+            return Err(error.at("domain").hint("connect a picture that has pixels"));
         }
         let map = PixelMap { convention: self.convention.of(self.preset), pixels, positions };
         let (data, at_work) = (window(&layer.data), watch(cx));

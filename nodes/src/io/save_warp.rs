@@ -75,7 +75,7 @@ impl Node for SaveWarp {
     const SINK: bool = true;
 
     fn check(&self) -> Result<(), NodeError> {
-        self.names().and(self.compression()).map(|_| ())
+        NodeError::all([self.names().map(drop), self.compression().map(drop)])
     }
 
     fn compute(&self, cx: &Context) -> Result<Outputs, NodeError> {
@@ -239,13 +239,18 @@ fn cells(grid: &Grid) -> Rect {
 fn check(window: &Rect, port: &'static str) -> Result<(), NodeError> {
     let rect::Rect { x0, y0, x1, y1 } = self::window(window);
     if window.is_empty() {
-        return Err(NodeError::refused("the format is empty; a map needs at least one pixel").at(port));
+        return Err(NodeError::refused("the format is empty; a map needs at least one pixel")
+            .at(port)
+            .hint("connect a picture of the plate's size to `domain`"));
     }
     let most = codec::MAX_SIDE;
     if [x0, y0, x1, y1].iter().any(|edge| edge.abs() > FARTHEST) || window.width().max(window.height()) > most {
         let (width, height) = (window.width(), window.height());
-        let message = format!("the map would be {width} x {height} px at ({x0}, {y0})");
-        let hint = format!("a side may be 1 to {most} px long, within {FARTHEST} px of the origin");
+        let message = format!(
+            "the map would be {width} x {height} px at ({x0}, {y0}) px; a side may be 1 to {most} px long, within \
+             {FARTHEST} px of the origin"
+        );
+        let hint = "give a smaller format: connect a picture of the plate's size to `domain`";
         return Err(NodeError::refused(message).at(port).hint(hint));
     }
     Ok(())

@@ -39,7 +39,11 @@ impl Node for Components {
         let windows = mask.0.windows;
         let (width, height) = (windows.data.width(), windows.data.height());
         if width as u128 * height as u128 > u128::from(u32::MAX) {
-            return Err(NodeError::refused(format!("{width} x {height} px are more than 2^32")).at("mask"));
+            return Err(NodeError::refused(format!(
+                "the mask has {width} x {height} px; labels are for at most 4294967296 px"
+            ))
+            .at("mask")
+            .hint("crop the mask"));
         }
         let connectivity = match self.connectivity {
             Connectivity::Eight => Neighbours::Eight,

@@ -54,9 +54,9 @@ impl Threshold {
         };
         if self.channel != LUMA {
             return plane(&self.channel).cloned().ok_or_else(|| match image.primary().channel(&self.channel) {
-                Some(_) => {
-                    NodeError::refused(format!("channel {} holds identities, not numbers", self.channel)).at("channel")
-                }
+                Some(_) => NodeError::refused(format!("channel {} holds identities, not numbers", self.channel))
+                    .at("channel")
+                    .hint("name a channel of numbers, such as R, G, B, A or Y, or luma"),
                 None => NodeError::refused(format!("the picture has no channel {}", self.channel))
                     .at("channel")
                     .hint("name one that it has, such as R, G, B, A or Y, or luma"),
@@ -69,7 +69,9 @@ impl Threshold {
                 Ok(luma.freeze())
             }
             (_, _, _, Some(y)) => Ok(y.clone()),
-            _ => Err(NodeError::refused("luma needs channels R, G and B, or Y").at("channel")),
+            _ => Err(NodeError::refused("luma needs channels R, G and B, or Y; the picture's first layer has neither")
+                .at("channel")
+                .hint("name a channel that it has, such as A")),
         }
     }
 }

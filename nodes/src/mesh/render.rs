@@ -138,18 +138,18 @@ fn surface(mesh: &Mesh) -> Result<Surface<'_>, NodeError> {
     let vertex_count = mesh.positions.len();
     if mesh.uvs.is_empty() && vertex_count > 0 {
         let error = NodeError::refused("the mesh has no texture coordinates, so no picture can lie on it");
-        return Err(error.hint("unwrap it where it was made"));
+        return Err(error.at("mesh").hint("unwrap it where it was made"));
     }
     if mesh.uvs.len() != vertex_count || ![0, vertex_count].contains(&mesh.normals.len()) {
         let (uvs, normals) = (mesh.uvs.len(), mesh.normals.len());
         let message =
             format!("the mesh has {vertex_count} vertices, but {uvs} texture coordinates and {normals} normals");
-        return Err(NodeError::refused(message));
+        return Err(NodeError::refused(message).at("mesh").hint("look at the node that makes it"));
     }
     let wrong = |triangle: &[u32; 3]| triangle.iter().any(|vertex| *vertex as usize >= vertex_count);
     if let Some(number) = mesh.triangles.iter().position(wrong) {
         let message = format!("triangle {number} has a vertex beyond the {vertex_count} there are");
-        return Err(NodeError::refused(message));
+        return Err(NodeError::refused(message).at("mesh").hint("look at the node that makes it"));
     }
     Ok(Surface { positions: &mesh.positions, uvs: &mesh.uvs, normals: &mesh.normals, triangles: &mesh.triangles })
 }
@@ -158,7 +158,9 @@ fn surface(mesh: &Mesh) -> Result<Surface<'_>, NodeError> {
 fn texture_planes(cx: &Context, image: &Image) -> Result<[Option<Buffer<f32>>; 4], NodeError> {
     let (layer, format) = (image.primary(), image.display);
     if format.is_empty() {
-        return Err(NodeError::refused("the texture's format has no pixels").at("texture"));
+        return Err(NodeError::refused("the texture's format has no pixels; it needs at least one")
+            .at("texture")
+            .hint("connect a picture that has pixels"));
     }
     let is_grey = ["R", "G", "B"].iter().all(|name| layer.channel(name).is_none());
     let planes = NAMES.map(|name| {

@@ -63,20 +63,21 @@ impl Node for SimilarityGuide {
 
     fn check(&self) -> Result<(), NodeError> {
         let diameter = self.diameter;
-        if diameter.is_multiple_of(2) {
-            let error = NodeError::refused(format!("the diameter is {diameter}; it may be odd, 1 to 21"));
-            return Err(error.at("diameter").hint(format!("use {} or {}", diameter - 1, diameter + 1)));
-        }
-        if self.levels.is_empty() {
-            return Err(NodeError::refused("there are no levels").at("levels").hint("compare the picture: [0]"));
-        }
-        for (index, level) in self.levels.iter().enumerate() {
-            if let Some(first) = self.levels[..index].iter().position(|other| other == level) {
-                let error = NodeError::refused(format!("levels[{first}] and levels[{index}] are both {level}"));
-                return Err(error.at("levels").hint("name each level once"));
-            }
-        }
-        Ok(())
+        let even = diameter.is_multiple_of(2).then(|| {
+            let error = NodeError::refused(format!("the diameter is {diameter} px; it must be odd, from 1 to 21 px"));
+            error.at("diameter").hint(format!("use {} or {}", diameter - 1, diameter + 1))
+        });
+        let none = self.levels.is_empty().then(|| {
+            NodeError::refused("there are no levels; at least one is needed")
+                .at("levels")
+                .hint("compare the picture: [0]")
+        });
+        let twice = self.levels.iter().enumerate().filter_map(|(index, level)| {
+            let first = self.levels[..index].iter().position(|other| other == level)?;
+            let error = NodeError::refused(format!("levels[{first}] and levels[{index}] are both {level}"));
+            Some(error.at("levels").hint("name each level once"))
+        });
+        NodeError::all(even.into_iter().chain(none).chain(twice).map(Err))
     }
 
     fn compute(&self, cx: &Context) -> Result<Outputs, NodeError> {

@@ -3,10 +3,11 @@ use serde::{Deserialize, Serialize};
 use smart_default::SmartDefault;
 use warploom_algo::{composite, similarity};
 use warploom_core::node::{Context, In, Node, NodeError, Output, Outputs};
+use warploom_core::schema::shown;
 use warploom_core::value::{Buffer, BufferMut, Factor, Field, Kind, Mask, Raster, Rect};
 
 use super::Prepared;
-use crate::adapt::{solver, view, view_mut, watched};
+use crate::adapt::{point, solver, view, view_mut, watched};
 
 /// How strongly an edit at a pixel is repeated at all pixels whose surroundings are similar.
 ///
@@ -20,15 +21,15 @@ use crate::adapt::{solver, view, view_mut, watched};
 #[serde(default, deny_unknown_fields)]
 pub struct Similarity {
     /// The picture whose pixels are compared, prepared by SimilarityGuide.
+    #[schemars(extend("x-maker" = "SimilarityGuide"))]
     pub guide: In<Factor>,
     /// Selection points on the picture; each stands for the pixel that it lies in.
     #[schemars(extend("x-unit" = "px", "x-required" = true))]
     pub at: Vec<[f64; 2]>,
-    /// The distance from which on nothing happens; 0 leaves identical surroundings alone. Levels and diameters make it
-    /// larger: at most 8193150 with a diameter of 5 and two levels.
-    #[default(800000.0)]
+    /// The distance from which on nothing happens, 800000 if neither it nor `quantile` is given; 0 leaves identical
+    /// surroundings alone. Levels and diameters make it larger: at most 8193150 with a diameter of 5 and two levels.
     #[schemars(range(min = 0.0, max = 1000000000.0), extend("x-soft" = [0.0, 2000000.0]))]
-    pub distance: f64,
+    pub distance: Option<f64>,
     /// The part of the picture's pixels that are nearer or as near, given instead of `distance`.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub quantile: Option<f64>,
@@ -40,16 +41,24 @@ pub struct Similarity {
     pub within: Option<In<Mask>>,
 }
 
+/// The distance where none is given.
+const DISTANCE: f64 = 800_000.0;
+
 impl Node for Similarity {
     const VERSION: u32 = 1;
     const OUTPUTS: &'static [Output] = &[Output::new("strength", Kind::Field), Output::new("distance", Kind::Field)];
 
     fn check(&self) -> Result<(), NodeError> {
-        if !self.at.is_empty() {
-            return Ok(());
-        }
-        let error = NodeError::refused("there are no selection points; at least one is needed");
-        Err(error.at("at").hint("give the centre of a pixel, such as [(0.5, 0.5)]"))
+        let none = self.at.is_empty().then(|| {
+            let error = NodeError::refused("there are no selection points; at least one is needed");
+            error.at("at").hint("give the centre of a pixel, such as [(0.5, 0.5)]")
+        });
+        let both = self.distance.zip(self.quantile).map(|(distance, part)| {
+            let (distance, part) = (shown(distance), shown(part));
+            let message = format!("a distance ({distance}) and a quantile ({part}) exclude each other");
+            NodeError::refused(message).at("quantile").hint("leave one of them out")
+        });
+        NodeError::all([none, both].into_iter().flatten().map(Err))
     }
 
     fn compute(&self, cx: &Context) -> Result<Outputs, NodeError> {
@@ -80,7 +89,7 @@ impl Similarity {
     fn threshold(&self, cx: &Context, distance: &Buffer<f32>) -> Result<f32, NodeError> {
         match self.quantile {
             Some(part) => watched(cx, |watch| similarity::quantile(view(distance), part, watch)),
-            None => Ok(self.distance as f32),
+            None => Ok(self.distance.unwrap_or(DISTANCE) as f32),
         }
     }
 
@@ -95,7 +104,9 @@ impl Similarity {
             let found = inside(x, x0, x1).zip(inside(y, y0, y1)).map(|(column, row)| [column, row]);
             found.ok_or_else(|| {
                 let message = format!(
-                    "at[{index}] is ({x}, {y}), outside the picture, which covers x from {x0} to {x1} and y from {y0} to {y1}"
+                    "at[{index}] is {} px, outside the picture: x must be at least {x0} and less than {x1} px, y at least \
+                     {y0} and less than {y1} px",
+                    point([x, y])
                 );
                 NodeError::refused(message).at("at").hint("move it onto the picture")
             })

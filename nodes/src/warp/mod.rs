@@ -42,7 +42,7 @@ use warploom_algo::{Interrupted, Watch};
 use warploom_core::node::{Context, NodeError, Output, Outputs};
 use warploom_core::value::{Direction, Grid, Kind, Warp};
 
-use crate::adapt::{watch, watched};
+use crate::adapt::{point, watch, watched};
 
 pub(crate) const WARP: &[Output] = &[Output::new("warp", Kind::Warp)];
 
@@ -113,8 +113,8 @@ const REACH: f64 = 2_147_483_648.0;
 fn check_reach(grid: &Grid, Positions { x, y }: &Positions, holes: Holes) -> Result<(), NodeError> {
     let is_within = |at: f64| at.abs() <= REACH || at.is_nan() && holes == Holes::Kept;
     let Some(node) = x.iter().zip(y).position(|(x, y)| !(is_within(*x) && is_within(*y))) else { return Ok(()) };
-    let (place, x, y) = (place(grid, node), x[node], y[node]);
-    let message = format!("the warp takes the node at {place} to ({x}, {y}) px; positions reach to {REACH} px");
+    let (place, to) = (place(grid, node), point([x[node], y[node]]));
+    let message = format!("the warp takes the node at {place} to {to} px; positions reach to {REACH} px");
     Err(NodeError::refused(message).hint("make the warp weaker, or look at what feeds it"))
 }
 

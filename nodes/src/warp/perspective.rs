@@ -4,9 +4,10 @@ use smart_default::SmartDefault;
 use warploom_algo::Interrupted;
 use warploom_algo::warp::{self, PerspectiveError};
 use warploom_core::node::{Context, In, Node, NodeError, Output, Outputs};
+use warploom_core::schema::shown;
 use warploom_core::value::Grid;
 
-use crate::adapt::{described, watch};
+use crate::adapt::{described, point, watch};
 
 /// Pins the four corners of a rectangle elsewhere, in perspective: straight lines stay straight.
 #[derive(Serialize, Deserialize, JsonSchema, SmartDefault)]
@@ -38,6 +39,17 @@ impl Node for Perspective {
     const VERSION: u32 = 1;
     const OUTPUTS: &'static [Output] = super::WARP;
 
+    fn check(&self) -> Result<(), NodeError> {
+        let Some([left, top, width, height]) = self.rectangle else { return Ok(()) };
+        let has_area = |from: f64, size: f64| from < from + size && (from + size).is_finite();
+        if has_area(left, width) && has_area(top, height) {
+            return Ok(());
+        }
+        let (width, height) = (shown(width), shown(height));
+        let message = format!("a rectangle of {width} x {height} px at {} px has no area", point([left, top]));
+        Err(NodeError::refused(message).at("rectangle").hint("write (left, top, width, height), the last two above 0"))
+    }
+
     fn compute(&self, cx: &Context) -> Result<Outputs, NodeError> {
         let grid = cx.get(&self.grid);
         let lattice = super::lattice(cx, &grid)?;
@@ -45,10 +57,6 @@ impl Node for Perspective {
         let [left, top] = lattice.origin;
         let [left, top, width, height] = self.rectangle.unwrap_or([left, top, width, height]);
         let [right, bottom] = [left + width, top + height];
-        if !(left < right && right.is_finite() && top < bottom && bottom.is_finite()) {
-            let message = format!("a rectangle of {width} x {height} px at ({left}, {top}) has no area");
-            return Err(NodeError::refused(message).at("rectangle").hint("width and height are positive"));
-        }
         let pins = [self.top_left, self.top_right, self.bottom_right, self.bottom_left];
         let rest = [[left, top], [right, top], [right, bottom], [left, bottom]];
         let moves = [0, 1, 2, 3].map(|corner: usize| {
@@ -62,9 +70,9 @@ impl Node for Perspective {
             PerspectiveError::Degenerate { corner } => {
                 let [one, two, three] = [corner + 3, corner, corner + 1].map(|corner| {
                     let ([x, y], [dx, dy]) = (rest[corner % 4], moves[corner % 4]);
-                    format!("{} ({}, {})", CORNERS[corner % 4], x + dx, y + dy)
+                    format!("{} {}", CORNERS[corner % 4], point([x + dx, y + dy]))
                 });
-                NodeError::refused(format!("three corners lie on one line: {one}, {two} and {three}"))
+                NodeError::refused(format!("three corners lie on one line: {one}, {two} and {three} px"))
                     .hint("put the corners so that they span a convex quadrangle")
             }
             PerspectiveError::Overflow => {

@@ -11,7 +11,7 @@ use crate::graph::frames::parse_frames;
 use crate::graph::read::{self, Ron, Span, Spanned};
 use crate::node::{Output, OutputKind};
 use crate::registry::{NodeType, Registry};
-use crate::value::Kind;
+use crate::schema::PortShape;
 use std::sync::Arc;
 
 const NODES_FORM: &str = "write nodes: { \"name\": Type(..), .. }";
@@ -34,6 +34,13 @@ pub(super) struct Graph<'a> {
 impl<'a> Graph<'a> {
     /// The nearest name of a node other than number `except`, or all names of a few.
     pub fn suggestion(&self, written: &str, except: usize, report: &Reporter) -> Option<String> {
+        let of_type = |index: &usize| {
+            *index != except
+                && self.nodes[*index].node_type.as_ref().is_some_and(|node_type| &*node_type.name == written)
+        };
+        if let Some(index) = self.looked_at(except, report).find(of_type) {
+            return Some(format!("did you mean `{}`? `{written}` is its type", self.nodes[index].id));
+        }
         let looked_at = self.looked_at(except, report);
         let is_all = looked_at.len() == self.nodes.len();
         let names: Vec<&str> = looked_at.filter(|&index| index != except).map(|index| self.nodes[index].id).collect();
@@ -54,12 +61,11 @@ impl<'a> Graph<'a> {
         (at < entry.span.end).then_some(entry.id)
     }
 
-    /// "`bend` or `keep` would fit", of a few nodes with an output of such a kind.
-    pub fn givers(&self, kinds: &[Kind], except: usize, report: &Reporter) -> Option<String> {
-        let fits = |output: &Output| matches!(output.kind, OutputKind::Is(kind) if kinds.contains(&kind));
+    /// "`bend` or `keep` would fit", of a few nodes with an output for such a port.
+    pub fn givers(&self, port: &PortShape, except: usize, report: &Reporter) -> Option<String> {
         let giver = |entry: &Entry| {
             let outputs = entry.node_type.as_ref()?.outputs;
-            Some(match outputs.iter().position(fits)? {
+            Some(match outputs.iter().position(|output| entry.gives(output, port))? {
                 0 => format!("`{}`", entry.id),
                 number => format!("`{}.{}`", entry.id, outputs[number].name),
             })
@@ -99,6 +105,15 @@ pub(super) struct Entry<'a> {
     pub fields: Vec<Field<'a>>,
     /// Whether it can be checked.
     pub sound: bool,
+}
+
+impl Entry<'_> {
+    /// Whether one of its outputs always gives what a port takes.
+    pub fn gives(&self, output: &Output, port: &PortShape) -> bool {
+        let maker = self.node_type.as_ref().map(|node_type| &*node_type.name);
+        matches!(output.kind, OutputKind::Is(kind) if port.kinds.contains(&kind))
+            && (port.maker.is_none() || port.maker.as_deref() == maker)
+    }
 }
 
 /// A parameter as given.
@@ -326,10 +341,14 @@ fn read_plugins(plugins: Option<&Spanned<Ron>>, options: &Options, report: &mut 
 fn as_id(text: &str) -> String {
     let kept = text.chars().map(|c| if c.is_ascii_alphanumeric() || c == '-' { c } else { '_' });
     let id: String = kept.collect();
-    if is_id(&id) { id } else { format!("_{id}") }
+    match id.is_empty() {
+        true => "node".to_owned(),
+        false if is_id(&id) => id,
+        false => format!("_{id}"),
+    }
 }
 
-fn is_id(text: &str) -> bool {
+pub(super) fn is_id(text: &str) -> bool {
     text.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_')
         && text.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '-')
 }
@@ -340,7 +359,10 @@ fn read_id<'a>(key: &'a Spanned<Ron>, report: &mut Reporter) -> Option<&'a str> 
         Ron::Text(id) if is_id(id) => return Some(id),
         Ron::Text(id) => (
             Some(id.as_str()),
-            format!("`{id}` cannot name a node: a name has letters a to z, digits, `_` and `-`, no digit first"),
+            format!(
+                "{} cannot name a node: a name has letters a to z, digits, `_` and `-`, no digit or `-` first",
+                if id.is_empty() { "an empty text".to_owned() } else { format!("`{id}`") }
+            ),
             format!("for example \"{}\"", as_id(id)),
         ),
         Ron::Name(id) => {
@@ -391,7 +413,12 @@ fn read_entry<'a>(id: &'a str, value: &'a Spanned<Ron>, registry: &Registry, rep
         Ron::Tuple { name: Some(name), .. } => {
             entry.at = here(name.span);
             let fault = Fault::new(Code::Malformed, format!("parameters of `{}` have names", name.value)).node(id);
-            report.add(entry.at, fault.hint(format!("write {}(name: value)", name.value)));
+            let first = registry.get(&name.value).and_then(|node_type| node_type.params.first());
+            let hint = first.map_or_else(
+                || format!("write {}(name: value)", name.value),
+                |param| format!("write {}({}: .., ..)", name.value, param.name),
+            );
+            report.add(entry.at, fault.hint(hint));
         }
         _ => {
             let message = format!("`{id}` must be a node, found {}", found(&value.value));

@@ -13,7 +13,7 @@ mod wiring;
 use std::path::{Path, PathBuf};
 
 use super::plan::Plan;
-use super::read;
+use super::read::{self, Ron, Spanned};
 use super::source::{At, Sources};
 use crate::diag::{Code, Fault, Place};
 use crate::registry::Registry;
@@ -62,7 +62,7 @@ pub struct Checked {
 
 /// Checks a graph file's text. Opens no file and runs nothing.
 pub fn check(text: &str, registry: &Registry, options: &Options) -> Checked {
-    let mut report = Reporter { sources: Sources::default(), found: Vec::new() };
+    let mut report = Reporter { sources: Sources::default(), found: Vec::new(), warned: Vec::new() };
     if text.len() > MAX_BYTES {
         let message = format!("the file has {} bytes; a graph file has at most {MAX_BYTES}", text.len());
         let hint = "is it a graph? if so, split it into several".to_owned();
@@ -73,25 +73,29 @@ pub fn check(text: &str, registry: &Registry, options: &Options) -> Checked {
     report.sources.add(options.file, text);
     let reading = read::read(text);
     let sets: Vec<document::Set> = options.set.iter().filter_map(|set| document::read_set(set, &mut report)).collect();
-    let graph =
-        reading.tree.as_ref().and_then(|tree| document::read_graph(tree, registry, &sets, options, &mut report));
+    // Of a bare word before other brackets the reading has told what is to be said.
+    let told = |tree: &Spanned<Ron>| matches!(tree.value, Ron::Name(_)) && !reading.faults.is_empty();
+    let tree = reading.tree.as_ref().filter(|tree| !told(tree));
+    let graph = tree.and_then(|tree| document::read_graph(tree, registry, &sets, options, &mut report));
     for fault in &reading.faults {
         let at = fault.opened.unwrap_or(fault.span).start;
         let node = graph.as_ref().and_then(|graph| graph.node_around(at)).map(str::to_owned);
         let found = Fault { node, ..Fault::new(Code::Syntax, fault.message.clone()) };
         report.add(At { source: 0, span: fault.span }, found.hint(fault.hint.clone()));
     }
-    let Some(graph) = graph else { return report.end(None, Vec::new()) };
+    let Some(graph) = graph else { return report.end(None) };
     let drafts = values::read_nodes(&graph, options, &mut report);
     let wired = wiring::wire(&graph, drafts, &mut report);
-    let (plan, warnings) = sinks::finish(graph, wired, options, &mut report);
-    report.end(plan, warnings)
+    let plan = sinks::finish(graph, wired, options, &mut report);
+    report.end(plan)
 }
 
 /// Gathers faults with their places.
 struct Reporter {
     sources: Sources,
     found: Vec<(At, Fault)>,
+    /// Worth knowing, not wrong.
+    warned: Vec<(At, Fault)>,
 }
 
 impl Reporter {
@@ -99,16 +103,22 @@ impl Reporter {
         self.found.push((at, fault));
     }
 
+    fn warn(&mut self, at: At, fault: Fault) {
+        self.warned.push((at, fault));
+    }
+
     fn count(&self) -> usize {
         self.found.len()
     }
 
-    fn end(mut self, plan: Option<Plan>, warnings: Vec<(At, Fault)>) -> Checked {
-        self.found.sort_by_key(|(at, _)| (at.source, at.span.start));
+    fn end(mut self, plan: Option<Plan>) -> Checked {
+        for told in [&mut self.found, &mut self.warned] {
+            told.sort_by_key(|(at, _)| (at.source, at.span.start));
+        }
         let sources = &self.sources;
         let place = |(at, fault): (At, Fault)| fault.place(Some(sources.place(at)));
         let faults: Vec<Fault> = self.found.drain(..).map(place).collect();
-        let warnings = warnings.into_iter().map(place).collect();
+        let warnings = self.warned.drain(..).map(place).collect();
         let plan = plan.filter(|_| faults.is_empty()).map(|plan| Plan { sources: self.sources, ..plan });
         Checked { plan, faults, warnings }
     }

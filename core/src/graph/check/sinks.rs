@@ -19,10 +19,8 @@ use crate::registry::AnyNode;
 use crate::schema::Access;
 use crate::value::Kind;
 
-type Warnings = Vec<(At, Fault)>;
-
 /// The last faults, and the plan if nothing is missing for it.
-pub(super) fn finish(graph: Graph, wired: Wired, options: &Options, report: &mut Reporter) -> (Option<Plan>, Warnings) {
+pub(super) fn finish(graph: Graph, wired: Wired, options: &Options, report: &mut Reporter) -> Option<Plan> {
     let sinks: Vec<usize> = (0..graph.nodes.len())
         .filter(|&index| graph.nodes[index].node_type.as_ref().is_some_and(|node_type| node_type.sink))
         .collect();
@@ -32,13 +30,15 @@ pub(super) fn finish(graph: Graph, wired: Wired, options: &Options, report: &mut
     // What feeds a node that is not whole cannot be told, nor then what nothing needs.
     let whole = |index: usize| wired.drafts[index].as_ref().is_some_and(|draft| is_whole(draft, &wired, index));
     let all_whole = !targets.is_empty() && (0..graph.nodes.len()).all(whole);
-    let warnings = if all_whole { unreached(&graph, &reached) } else { Vec::new() };
+    if all_whole {
+        unreached(&graph, &reached).into_iter().for_each(|(at, warning)| report.warn(at, warning));
+    }
     let prototypes: Vec<Option<Box<dyn AnyNode>>> = (wired.drafts.iter())
         .map(|draft| draft.as_ref().map(|draft| draft.node_type.make(&Json::Object(draft.params.json.clone()))))
         .collect();
     let varies = frame_faults(&graph, &wired, &prototypes, &targets, report);
     if report.count() > 0 {
-        return (None, warnings);
+        return None;
     }
     let drafts: Vec<Draft> = wired.drafts.into_iter().flatten().collect();
 
@@ -67,7 +67,7 @@ pub(super) fn finish(graph: Graph, wired: Wired, options: &Options, report: &mut
     let order = wired.order.into_iter().filter(|&index| reached[index]).collect();
     let (frames, sources) = (graph.frames, Sources::default());
     let plan = Plan { graph: graph_file, nodes, targets, order, frames, sources, pairs: OnceLock::new() };
-    (Some(plan), warnings)
+    Some(plan)
 }
 
 fn targets(graph: &Graph, sinks: &[usize], options: &Options, report: &mut Reporter) -> Vec<usize> {
@@ -117,7 +117,7 @@ fn is_whole(draft: &Draft, wired: &Wired, index: usize) -> bool {
         && draft.node_type.ports().all(|(param, _)| !param.required || fed(&param.name))
 }
 
-fn unreached(graph: &Graph, reached: &[bool]) -> Warnings {
+fn unreached(graph: &Graph, reached: &[bool]) -> Vec<(At, Fault)> {
     // A second node of a name is a fault, and nothing can name it.
     let is_first = |index: usize| graph.index.get(graph.nodes[index].id) == Some(&index);
     let loose = graph.nodes.iter().enumerate().filter(|&(index, _)| !reached[index] && is_first(index));

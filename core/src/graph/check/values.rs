@@ -10,7 +10,7 @@ use super::document::{Entry, Field, Graph};
 use super::hints::{found, instead, mend, of_variants};
 use super::{At, Options, Reporter};
 use crate::diag::{Code, Fault, suggestion};
-use crate::graph::frames::{expand_variables, has_pattern};
+use crate::graph::frames::{expand_variables, foreign_pattern, has_pattern};
 use crate::graph::plan::{Hole, Source, Step, Template, json_integer, json_number};
 use crate::graph::read::{Ron, Spanned};
 use crate::registry::NodeType;
@@ -115,11 +115,14 @@ fn check_together(entry: &Entry, draft: &Draft, report: &mut Reporter) {
     if !draft.params.holes.is_empty() {
         return;
     }
-    let Err(error) = draft.node_type.make(&Json::Object(draft.params.json.clone())).check() else { return };
-    let place = draft.param_at.iter().find(|(name, _)| Some(name.as_str()) == error.parameter);
-    let fault = Fault::new(Code::Conflict, error.message).hint(error.hint).node(entry.id);
-    let fault = Fault { parameter: error.parameter.map(str::to_owned), ..fault };
-    report.add(place.map_or(entry.at, |(_, at)| *at), fault);
+    let Err(mut error) = draft.node_type.make(&Json::Object(draft.params.json.clone())).check() else { return };
+    let others = std::mem::take(&mut error.others);
+    for error in std::iter::once(error).chain(others) {
+        let place = draft.param_at.iter().find(|(name, _)| Some(name.as_str()) == error.parameter);
+        let fault = Fault::new(Code::Conflict, error.message).hint(error.hint).node(entry.id);
+        let fault = Fault { parameter: error.parameter.map(str::to_owned), ..fault };
+        report.add(place.map_or(entry.at, |(_, at)| *at), fault);
+    }
 }
 
 /// What stands in the template for a parameter that is not given, or not rightly: a node can be made of it.
@@ -287,7 +290,7 @@ impl Walk<'_> {
     fn choice(&mut self, value: &Spanned<Ron>, choice: &Shape, variants: &[Variant]) -> Option<Json> {
         let (name, at) = match &value.value {
             Ron::Name(name) => (name.as_str(), self.at(value)),
-            Ron::Tuple { name: Some(name), .. } | Ron::Struct { name: Some(name), .. } => {
+            Ron::Tuple { name: Some(name), .. } | Ron::Struct { name: Some(name), .. } if name.value != "Some" => {
                 (name.value.as_str(), At { source: self.source, span: name.span })
             }
             _ => return self.mistyped(value, choice, None),
@@ -344,6 +347,18 @@ impl Walk<'_> {
             let message = format!("`{}` is empty; it must name a file", self.param);
             self.fault(self.at(value), Code::OutOfRange, message, self.mend());
             return None;
+        }
+        if expanded.contains(char::is_control) {
+            let message = format!("`{}` is {expanded:?}, with a sign that cannot be seen", self.param);
+            let hint = "a backslash itself is written `\\\\`; a path can use `/`".to_owned();
+            self.fault(self.at(value), Code::OutOfRange, message, Some(hint));
+            return None;
+        }
+        // The text as it is written: what a variable holds is not the author's.
+        if let Some((part, instead)) = foreign_pattern(text) {
+            let message = format!("`{}` is \"{text}\", in which `{part}` stands for itself", self.param);
+            let warning = Fault::new(Code::Doubtful, message).node(self.node).parameter(self.param);
+            self.report.warn(self.at(value), warning.hint(format!("for a frame or variable write {instead}")));
         }
         let extension = Path::new(&expanded).extension().unwrap_or_default().to_string_lossy().to_lowercase();
         let allowed = self.draft.node_type.param(self.param).map_or(&[][..], |param| &param.extensions);

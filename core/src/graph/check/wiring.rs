@@ -7,12 +7,12 @@ use petgraph::graph::{DiGraph, NodeIndex};
 use petgraph::{Direction, algo};
 
 use super::Reporter;
-use super::document::Graph;
+use super::document::{Graph, is_id};
 use super::values::{Draft, Reference};
 use crate::diag::{Code, Fault};
 use crate::graph::plan::Slot;
 use crate::node::OutputKind;
-use crate::schema::PortShape;
+use crate::schema::{Arity, PortShape};
 use crate::value::{Kind, Reads};
 
 /// Drafts with their connections.
@@ -26,6 +26,13 @@ pub(super) struct Wired {
     pub order: Vec<usize>,
     /// Per node and output, its kind where that is known.
     pub kinds: Vec<Vec<Option<Kind>>>,
+}
+
+/// What comes out of an output: its kind, and the node that made it, which others may only pass on.
+#[derive(Clone, Copy)]
+struct Given {
+    kind: Kind,
+    maker: usize,
 }
 
 impl Wired {
@@ -57,7 +64,9 @@ pub(super) fn wire(graph: &Graph, drafts: Vec<Option<Draft>>, report: &mut Repor
         });
     }
     let order = order(graph, &drafts, &edges, report);
-    let kinds = kinds(graph, &drafts, &edges, &order, report);
+    let given = given(graph, &drafts, &edges, &order, report);
+    let kind = |given: Vec<Option<Given>>| given.into_iter().map(|given| Some(given?.kind)).collect();
+    let kinds = given.into_iter().map(kind).collect();
     let slots = drafts.iter().zip(&edges).map(|(draft, (ports, _))| {
         let references = draft.iter().flat_map(|draft| &draft.ports);
         (references.zip(ports))
@@ -83,12 +92,11 @@ fn resolve(graph: &Graph, index: usize, reference: &Reference, report: &mut Repo
     };
     let fault = |code, message| Fault::new(code, message).node(graph.nodes[index].id).parameter(&reference.param);
     let Some(&from) = graph.index.get(id) else {
-        let is_number = reference.port.is_none() && whole.parse::<f64>().is_ok();
-        let (name, hint) = match is_number {
-            true => (whole, Some("a number stands without quotes".to_owned())),
-            false => (id, graph.suggestion(id, index, report)),
+        let (message, hint) = match unlike_a_name(reference, id) {
+            Some(hint) => (format!("\"{whole}\" names no node"), Some(hint)),
+            None => (format!("there is no node `{id}`"), graph.suggestion(id, index, report)),
         };
-        report.add(reference.at, fault(Code::UnknownNode, format!("there is no node `{name}`")).hint(hint));
+        report.add(reference.at, fault(Code::UnknownNode, message).hint(hint));
         return None;
     };
     let Some(node_type) = &graph.nodes[from].node_type else { return Some(Edge { from, output: None }) };
@@ -111,6 +119,29 @@ fn resolve(graph: &Graph, index: usize, reference: &Reference, report: &mut Repo
         report.add(reference.at, fault(Code::UnknownOutput, message).hint(hint));
     }
     Some(Edge { from, output: found })
+}
+
+/// What to write instead of a text that was not meant to be a node's name, or is none at all.
+fn unlike_a_name(reference: &Reference, id: &str) -> Option<String> {
+    let text = reference.text.trim();
+    let begins = |c: char| c.is_ascii_digit() || "+-.".contains(c);
+    let takes_list = reference.port.as_ref().is_some_and(|port| port.arity == Arity::List);
+    Some(match &reference.port {
+        None if text.parse::<f64>().is_ok() => "a number stands without quotes".into(),
+        None if text.starts_with("Keys") && text.contains('(') => "Keys stand without quotes".into(),
+        None if !is_id(id) && text.starts_with(begins) && text.len() > 1 => {
+            "a number stands without quotes and unit; nothing is computed here".into()
+        }
+        None if !is_id(id) && !text.is_empty() => {
+            "nothing is computed here: write a number, Keys, or \"node.port\"".into()
+        }
+        Some(_) if takes_list && text.contains(',') => {
+            let names: Vec<String> = text.split(',').map(|name| format!("\"{}\"", name.trim())).collect();
+            format!("use brackets: [{}]", names.join(", "))
+        }
+        _ if id.is_empty() => "write \"node\" or \"node.port\"".into(),
+        _ => return None,
+    })
 }
 
 /// A topological order, and one fault per knot of cycles.
@@ -169,19 +200,19 @@ fn cycle_through(net: &DiGraph<(), ()>, start: usize) -> Vec<usize> {
     vec![start]
 }
 
-/// Kinds of all outputs, and a fault per edge whose kinds do not fit.
-fn kinds(
+/// What all outputs give, and a fault per edge where it does not fit.
+fn given(
     graph: &Graph,
     drafts: &[Option<Draft>],
     edges: &[Incoming],
     order: &[usize],
     report: &mut Reporter,
-) -> Vec<Vec<Option<Kind>>> {
-    let mut kinds: Vec<Vec<Option<Kind>>> = (graph.nodes.iter())
-        .map(|node| {
+) -> Vec<Vec<Option<Given>>> {
+    let mut given: Vec<Vec<Option<Given>>> = (graph.nodes.iter().enumerate())
+        .map(|(maker, node)| {
             let outputs = node.node_type.iter().flat_map(|node_type| node_type.outputs);
             let fixed = |output: &crate::node::Output| match output.kind {
-                OutputKind::Is(kind) => Some(kind),
+                OutputKind::Is(kind) => Some(Given { kind, maker }),
                 OutputKind::SameAs(_) => None,
             };
             outputs.map(fixed).collect()
@@ -195,36 +226,47 @@ fn kinds(
             if let OutputKind::SameAs(port) = output.kind {
                 let fed = draft.ports.iter().zip(ports).find(|(reference, _)| reference.param == port);
                 let edge = fed.and_then(|(_, edge)| edge.as_ref());
-                kinds[index][number] = edge.and_then(|edge| kinds[edge.from][edge.output?]);
+                given[index][number] = edge.and_then(|edge| given[edge.from][edge.output?]);
             }
         }
         let references = draft.ports.iter().zip(ports).chain(draft.links.iter().zip(links));
         for (reference, edge) in references {
-            let kind = edge.as_ref().and_then(|edge| kinds[edge.from][edge.output?]);
-            if let Some(kind) = kind {
-                check_kind(graph, index, reference, kind, edge.as_ref().map_or(index, |edge| edge.from), report);
+            let Some(edge) = edge else { continue };
+            if let Some(given) = edge.output.and_then(|output| given[edge.from][output]) {
+                check_edge(graph, index, reference, given, edge.from, report);
             }
         }
     }
-    kinds
+    given
 }
 
-fn check_kind(graph: &Graph, index: usize, reference: &Reference, kind: Kind, from: usize, report: &mut Reporter) {
-    let (fits, takes) = match &reference.port {
-        Some(port) => (port.kinds.contains(&kind), PortShape::describe(port)),
-        None => (kind == Kind::Number, "a number, or a node that gives Number".to_owned()),
-    };
-    if fits {
+fn check_edge(graph: &Graph, index: usize, reference: &Reference, given: Given, from: usize, report: &mut Reporter) {
+    let number = PortShape::of(Kind::Number);
+    let port = reference.port.as_ref().unwrap_or(&number);
+    let maker = graph.nodes[given.maker].node_type.as_ref().map(|node_type| &*node_type.name);
+    let is_foreign = port.maker.is_some() && port.maker.as_deref() != maker;
+    if port.kinds.contains(&given.kind) && !is_foreign {
         return;
     }
-    let message = format!("`{}` takes {takes}; `{}` gives {kind}", reference.param, reference.text);
-    let wanted = reference.port.as_ref().map_or(&[Kind::Number][..], |port| &port.kinds);
-    let outputs = graph.nodes[from].node_type.iter().flat_map(|node_type| node_type.outputs);
-    let better = outputs.filter(|output| matches!(output.kind, OutputKind::Is(kind) if wanted.contains(&kind)));
-    let hint = better.map(|output| format!("did you mean \"{}.{}\"?", graph.nodes[from].id, output.name)).next();
-    let hint = hint.or_else(|| graph.givers(wanted, index, report)).unwrap_or_else(|| {
-        let kinds: Vec<&str> = wanted.iter().map(|kind| kind.name()).collect();
-        format!("no node gives {} yet", kinds.join(" or "))
+    let takes = match &reference.port {
+        Some(port) => PortShape::describe(port),
+        None => "a number, or a node that gives Number".to_owned(),
+    };
+    let gives = match maker.filter(|_| given.kind == Kind::Factor && is_foreign) {
+        Some(maker) => format!("the Factor of a {maker}"),
+        None => given.kind.to_string(),
+    };
+    let message = format!("`{}` takes {takes}; `{}` gives {gives}", reference.param, reference.text);
+    let node = &graph.nodes[from];
+    let outputs = node.node_type.iter().flat_map(|node_type| node_type.outputs);
+    let better = outputs.filter(|output| node.gives(output, port));
+    let hint = better.map(|output| format!("did you mean \"{}.{}\"?", node.id, output.name)).next();
+    let hint = hint.or_else(|| graph.givers(port, index, report)).unwrap_or_else(|| match &port.maker {
+        Some(maker) => format!("add a {maker}"),
+        None => {
+            let kinds: Vec<&str> = port.kinds.iter().map(|kind| kind.name()).collect();
+            format!("no node gives {} yet", kinds.join(" or "))
+        }
     });
     let fault = Fault::new(Code::WrongKind, message).node(graph.nodes[index].id).parameter(&reference.param);
     report.add(reference.at, fault.hint(hint));

@@ -25,6 +25,13 @@ impl Reader<'_> {
     }
 
     fn attribute(&mut self) -> Option<()> {
+        if !self.rest().starts_with("#!") && !self.rest()[1..].trim_start().starts_with('!') {
+            let (start, end) = (self.at, self.token_end(self.at));
+            let hint = Some("a comment begins with `//`".to_owned());
+            self.fault(start, end, format!("expected a graph, found {}", self.found(start)), hint);
+            self.at = end;
+            return None;
+        }
         for mark in ["#", "!", "["] {
             self.expect(mark)?;
         }

@@ -181,7 +181,7 @@ pub(super) fn token_end(text: &str, at: usize) -> usize {
         Some(b'\'') => single_quoted_end(text, at).unwrap_or(at + 1),
         Some(b'b') if rest.starts_with("b'") => single_quoted_end(text, at + 1).unwrap_or(at + 2),
         Some(b'0'..=b'9') => number_run_end(text, at),
-        Some(b'#') => line_end(text, at),
+        Some(b'#') => at + text[at..line_end(text, at)].trim_end().len(),
         Some(b'\\') => at + 1 + char_at(text, at + 1).map_or(0, char::len_utf8),
         _ if rest.starts_with(SMART_QUOTES) => smart_quoted_end(text, at),
         _ => match name_at(text, at) {

@@ -129,7 +129,8 @@ impl<'a> Reader<'a> {
         };
         self.at = quoted.end;
         if !quoted.closed {
-            let hint = "write the closing `\"`".to_owned();
+            let hashes = if raw { &self.text[hashes..quote] } else { "" };
+            let hint = format!("write the closing `\"{hashes}`");
             self.fault(start, quoted.end, "this text is never closed".to_owned(), Some(hint));
             if quoted.end == self.text.len() {
                 self.leave(0);

@@ -105,12 +105,28 @@ impl Reader<'_> {
         let hint = match char_at(self.text, self.at)? {
             '=' => "a name and its value are joined by `:`",
             ';' => "entries are separated by `,`",
+            '#' if self.rest()[1..].starts_with(|c: char| c.is_ascii_hexdigit()) => {
+                "a colour is written in numbers, and a comment begins with `//`"
+            }
             '#' => "a comment begins with `//`",
+            ':' if adjacent && self.rest().starts_with("::") => "a name stands alone, without what leads to it",
+            ',' if adjacent && self.rest()[1..].starts_with(|c: char| c.is_ascii_digit()) => {
+                "use a decimal point, not a comma"
+            }
+            '\'' if adjacent && word.starts_with(|c: char| c.is_ascii_digit()) => {
+                "digits stand together, or apart by `_`"
+            }
             '\u{FEFF}' => "this is a byte order mark: save the file without it",
             c if SMART_QUOTES.contains(&c) => "text stands in straight double quotes: \"..\"",
             c if c.is_whitespace() => "RON does not take this for white space: write a plain space",
-            c if adjacent && word.starts_with(|c: char| c.is_ascii_digit()) && (c.is_alphabetic() || c == '%') => {
+            c if adjacent
+                && word.starts_with(|c: char| c.is_ascii_digit())
+                && (c.is_alphabetic() || "%°".contains(c)) =>
+            {
                 "a number carries no unit"
+            }
+            '/' | '*' if adjacent && word.starts_with(|c: char| c.is_ascii_digit()) => {
+                "nothing is computed here: write the number itself"
             }
             _ if self.glued() => "a `\"` is missing before this, or is one too many",
             '{' | '[' if adjacent => "what belongs to a name stands in parentheses: Name(..)",
@@ -166,7 +182,7 @@ impl Reader<'_> {
     fn never_closed(&mut self) {
         let Some((at, kind)) = self.open.last().map(|open| (open.at, open.kind)) else { return };
         let message = format!("this `{}` is never closed", kind.open());
-        self.fault(at, at + 1, message, None);
+        self.fault(at, at + 1, message, Some(format!("write the closing `{}`", char::from(kind.close()))));
         self.leave(0);
     }
 
@@ -187,7 +203,9 @@ impl Reader<'_> {
         if let (Some(b':'), Some(fault), false) = (self.peek(), self.faults.last_mut(), hint.is_empty()) {
             fault.hint = Some(hint.to_owned());
         }
-        if self.glued() || !self.entry_starts(kind) {
+        if self.peek() == Some(b';') {
+            self.at += 1;
+        } else if self.glued() || !self.entry_starts(kind) {
             self.lose();
         }
     }
@@ -230,16 +248,26 @@ impl Reader<'_> {
     /// At something else than the `:` that must stand behind `what`; a value there, or behind a `=`, can still be read.
     pub fn missing_colon(&mut self, what: &str) {
         self.fault_here(format!("expected `:` after {what}"));
-        if self.rest().starts_with('=') {
-            self.at += 1;
+        if let Some(other) = ["=>", "="].iter().find(|other| self.rest().starts_with(**other)) {
+            self.at += other.len();
         } else if self.glued() || !self.value_starts() && !self.rest().starts_with(',') && !self.at_end_or_closing() {
             self.lose();
+        }
+    }
+
+    /// The `=` of a `:=`, at the cursor.
+    fn colon_equals(&mut self) {
+        if self.text[..self.at].ends_with(':') && self.peek() == Some(b'=') {
+            self.fault_here("expected a value".to_owned());
+            self.at += 1;
+            self.blank();
         }
     }
 
     /// The value behind a `:`, which is `Broken` if a fault was met before it.
     pub fn value_behind_colon(&mut self, whose: &str) -> Spanned<Ron> {
         let start = self.at;
+        self.colon_equals();
         self.blank();
         if self.trouble != Trouble::None {
             return self.broken_here();

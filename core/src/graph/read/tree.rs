@@ -1,7 +1,7 @@
 //! Values and brackets: one function per rule of the grammar. What happens after a fault is in `recover`.
 
 use super::attributes::Extensions;
-use super::lex::{NameAt, blank_end, dashed, is_raw_name_char, name_at, number_run_end, quoted_end, run_end};
+use super::lex::{NameAt, blank_end, dashed, is_raw_name_char, line_end, name_at, number_run_end, quoted_end, run_end};
 use super::lines::Lines;
 use super::numbers::{named_float, number};
 use super::{Fault, Reading, Ron, Span, Spanned};
@@ -166,7 +166,8 @@ impl<'a> Reader<'a> {
         match blank_end(self.text, self.at) {
             Ok(end) => self.at = end,
             Err(open) => {
-                self.fault(open, open + 2, "this comment is never closed".to_owned(), None);
+                let hint = Some("write the closing `*/`".to_owned());
+                self.fault(open, open + 2, "this comment is never closed".to_owned(), hint);
                 self.at = self.text.len();
                 self.trouble = Trouble::Leave(0);
             }
@@ -432,8 +433,14 @@ impl<'a> Reader<'a> {
             }
             Err(fault) => {
                 let end = number_run_end(self.text, self.at);
-                self.fault(self.at, end, fault.message, None);
+                let hint = not_a_number_hint(&self.text[self.at..end]);
+                let is_remark = &self.text[self.at..end] == "--";
+                self.fault(self.at, end, fault.message, hint.map(str::to_owned));
                 self.at = end;
+                if is_remark {
+                    self.at = line_end(self.text, end);
+                    self.lose();
+                }
                 Ron::Broken
             }
         }
@@ -468,5 +475,17 @@ impl<'a> Reader<'a> {
             _ => Ron::Range,
         };
         if let Ron::Broken = end { Ron::Broken } else { Ron::Range }
+    }
+}
+
+/// What the author of a number that is none may have meant.
+fn not_a_number_hint(literal: &str) -> Option<&'static str> {
+    let is_range = |(first, last): (&str, &str)| {
+        [first, last].iter().all(|part| !part.is_empty() && part.bytes().all(|byte| byte.is_ascii_digit()))
+    };
+    match literal {
+        _ if literal.starts_with("--") => Some("a comment begins with `//`; a number has one sign"),
+        _ if literal.split_once('-').is_some_and(is_range) => Some("frames stand in double quotes: \"1001-1100\""),
+        _ => None,
     }
 }

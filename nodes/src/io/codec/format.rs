@@ -47,16 +47,17 @@ impl Format {
         let extension = extension.to_lowercase();
         let named = FORMATS.iter().find(|(known, _)| *known == extension);
         let (_, format) = *named.ok_or_else(|| no_format(&extension))?;
-        if format != Self::Exr && options.compression != Compression::Auto {
+        let compression = (format != Self::Exr && options.compression != Compression::Auto).then(|| {
             let message = format!("{:?} compression is of EXR; .{extension} has none to choose", options.compression);
-            return Err(NodeError::refused(message).at("compression").hint("leave `compression` out"));
-        }
+            NodeError::refused(message).at("compression").hint("leave `compression` out")
+        });
         let (name, depths) = format.holds();
-        if options.depth != Depth::Auto && !depths.contains(&options.depth) {
+        let depth = (options.depth != Depth::Auto && !depths.contains(&options.depth)).then(|| {
             let allowed: Vec<_> = depths.iter().map(|depth| format!("{depth:?}")).collect();
             let message = format!("{name} has no depth {:?}; it may be Auto, {}", options.depth, allowed.join(" or "));
-            return Err(NodeError::refused(message).at("depth").hint("leave `depth` out"));
-        }
+            NodeError::refused(message).at("depth").hint("leave `depth` out")
+        });
+        NodeError::all([compression, depth].into_iter().flatten().map(Err))?;
         Ok(format)
     }
 

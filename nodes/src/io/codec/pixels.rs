@@ -153,7 +153,7 @@ impl Pixels {
         let (width, height) = (image.display.width(), image.display.height());
         if width == 0 || height == 0 || width > MAX_SIDE || height > MAX_SIDE {
             let message = format!("the display window is {width} x {height} px; a side may be 1 to {MAX_SIDE} px long");
-            return Err(NodeError::refused(message).at("image"));
+            return Err(NodeError::refused(message).at("image").hint("crop it, or draw it smaller"));
         }
         let color = primary_color(image.primary())?;
         let alpha = image.primary().channel("A").and_then(samples_of).filter(|_| keep_alpha);

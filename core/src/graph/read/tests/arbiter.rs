@@ -5,8 +5,7 @@ use proptest::test_runner::RngSeed;
 use serde::de::IgnoredAny;
 
 use super::super::{Int, Ron, Span, Spanned, has_broken, read};
-use super::GRAPHS;
-use super::dice::Dice;
+use super::dice::{Dice, GRAPHS};
 
 /// The same cases every time, unless the environment asks for others or more (`PROPTEST_RNG_SEED`, `PROPTEST_CASES`).
 fn cases(count: u32) -> ProptestConfig {

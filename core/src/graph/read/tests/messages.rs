@@ -1,7 +1,7 @@
 //! Each slip a person makes gives one fault, where that person would look, and costs the other nodes nothing.
 
 use super::super::{Lines, Reading, Ron, has_broken, read};
-use super::GRAPHS;
+use super::dice::GRAPHS;
 
 /// A graph with these node lines, the first of them line 4, and behind them a node with a fault, in which reading
 /// must have found its feet again.
@@ -65,6 +65,29 @@ fn one_slip_is_one_fault() {
     slip(r#""a": Foo(x: 60deg),"#, "4:15 expected `,` or `)` after this value, found `deg` (a number carries no unit)");
     slip(r#""a": Foo(x: 1.2.3),"#, "4:13 `1.2.3` is not a number");
     slip(r#""a": Foo(x: 300u8),"#, "4:13 `300u8` does not fit u8");
+    slip(
+        r#""a": Foo(x: 1'000),"#,
+        "4:14 expected `,` or `)` after this value, found `'` (digits stand together, or apart by `_`)",
+    );
+    slip(r#""a": Foo(x: 90°),"#, "4:15 expected `,` or `)` after this value, found `°` (a number carries no unit)");
+    slip(
+        r#""a": Foo(x: 1/2),"#,
+        "4:14 expected `,` or `)` after this value, found `/` (nothing is computed here: write the number itself)",
+    );
+    slip(
+        r#""a": Foo(x: Mode::Cubic),"#,
+        "4:17 expected `,` or `)` after this value, found `:` (a name stands alone, without what leads to it)",
+    );
+    slip(r#""a": Foo(x := 1),"#, "4:13 expected a value, found `=` (a name and its value are joined by `:`)");
+    slip(r#""a" => Foo(x: 1),"#, "4:5 expected `:` after this key, found `=` (a name and its value are joined by `:`)");
+    slip(
+        r#""a": Foo(x: 1001-1100),"#,
+        "4:13 `1001-1100` is not a number (frames stand in double quotes: \"1001-1100\")",
+    );
+    slip(
+        "\"a\": Foo(x: 1), -- remark, with comma\n\"b\": Foo(),",
+        "4:17 `--` is not a number (a comment begins with `//`; a number has one sign)",
+    );
     slip(r#""a" Foo(x: 1),"#, "4:5 expected `:` after this key, found `Foo`");
     slip(r#""a": Foo("x": 1),"#, "4:10 a parameter's name stands without quotes (write x: ..)");
     slip(r#""a": Foo(a-b: 1),"#, "4:10 `a-b` is not a name (a name is one word of letters, digits and `_`)");
@@ -156,7 +179,10 @@ fn a_bracket_mistyped_or_too_many() {
 #[test]
 fn the_frame_of_a_graph() {
     let one = |text: &str, expected: &str| assert_eq!(faults(text), [expected], "{text}");
-    one("Graph(\n    nodes: {\n        \"a\": Foo(),\n    },\n", "1:6 this `(` is never closed");
+    one(
+        "Graph(\n    nodes: {\n        \"a\": Foo(),\n    },\n",
+        "1:6 this `(` is never closed (write the closing `)`)",
+    );
     one(
         "Graph(\n    nodes: {\n        \"a\": Foo(),\n)\n",
         "4:1 expected `}` before `)`: the `{` of line 2 is not closed",
@@ -165,11 +191,16 @@ fn the_frame_of_a_graph() {
         "Graph(\n    nodes: {\n        \"a\": Foo(\n    },\n)\n",
         "4:5 expected `)` before `}`: the `(` of line 3 is not closed",
     );
-    one("Graph(nodes: {\"a\": Foo(x: 1", "1:23 this `(` is never closed");
+    one("Graph(nodes: {\"a\": Foo(x: 1", "1:23 this `(` is never closed (write the closing `)`)");
     one("Graph(nodes: {\"a\": Foo(x:", "1:26 a parameter needs a value after `:`, found the end of the file");
     one("Graph(nodes: {}))", "1:17 this `)` closes nothing");
-    one("Graph(x: 1 /* , y: 2)", "1:12 this comment is never closed");
-    one("Graph(x: r#\"a\", y: 2)", "1:10 this text is never closed (write the closing `\"`)");
+    one("# remark\r\nGraph(x: 1)", "1:1 expected a graph, found `# remark` (a comment begins with `//`)");
+    one(
+        "Graph(nodes: {\"a\": Foo()};)",
+        "1:26 expected `,` or `)` after this value, found `;` (entries are separated by `,`)",
+    );
+    one("Graph(x: 1 /* , y: 2)", "1:12 this comment is never closed (write the closing `*/`)");
+    one("Graph(x: r#\"a\", y: 2)", "1:10 this text is never closed (write the closing `\"#`)");
     one("", "1:1 expected a value, found the end of the file");
     one("// nothing", "1:11 expected a value, found the end of the file");
     one("Graph()\nversion: 1", "2:1 expected nothing more, found `version`");

@@ -419,7 +419,7 @@ fn window_bytes(window: Rect) -> Vec<u8> {
 fn push_name(bytes: &mut Vec<u8>, name: &str) -> Result<(), NodeError> {
     if name.is_empty() || name.len() > 255 || name.contains('\0') {
         let message = format!("OpenEXR names are 1 to 255 bytes long without zeros; {name:?} is not");
-        return Err(NodeError::refused(message).at("image"));
+        return Err(NodeError::refused(message).at("image").hint("rename the layer or channel where it is made"));
     }
     bytes.extend_from_slice(name.as_bytes());
     bytes.push(0);

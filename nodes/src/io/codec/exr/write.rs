@@ -27,7 +27,9 @@ const BLOCK_HEAD: usize = 12;
 pub fn write(image: &Image, options: &WriteOptions, host: &dyn Host) -> Result<Vec<u8>, NodeError> {
     let layers: Vec<&Layer> = image.layers.iter().filter(|layer| !layer.channels.is_empty()).collect();
     if layers.is_empty() {
-        return Err(NodeError::refused("the picture has no channels; there is nothing to write").at("image"));
+        return Err(NodeError::refused("the picture has no channels; there is nothing to write")
+            .at("image")
+            .hint("connect a picture with channels"));
     }
     check_window(image.display)?;
     let mut names = BTreeSet::new();
@@ -49,8 +51,12 @@ fn check_window(window: Rect) -> Result<(), NodeError> {
     let (width, height) = (window.width(), window.height());
     let far = [window.x0, window.y0, window.x1, window.y1].iter().any(|edge| edge.unsigned_abs() > 1 << 30);
     if width == 0 || height == 0 || width > MAX_SIDE || height > MAX_SIDE || far {
-        let message = format!("a window of {width} x {height} px at ({}, {}) does not fit EXR", window.x0, window.y0);
-        return Err(NodeError::refused(message).at("image").hint(format!("a side may be 1 to {MAX_SIDE} px long")));
+        let message = format!(
+            "a window of {width} x {height} px at ({}, {}) px does not fit EXR; a side may be 1 to {MAX_SIDE} px long, within \
+             1073741824 px of the origin",
+            window.x0, window.y0
+        );
+        return Err(NodeError::refused(message).at("image").hint("crop it, or move it nearer to the origin"));
     }
     Ok(())
 }
@@ -71,7 +77,9 @@ impl<'a> Source<'a> {
         let mut channels: Vec<_> = layer.channels.iter().collect();
         channels.sort_by(|a, b| a.name.cmp(&b.name));
         if let Some(pair) = channels.windows(2).find(|pair| pair[0].name == pair[1].name) {
-            return Err(NodeError::refused(format!("two channels are named {}", pair[0].name)).at("image"));
+            return Err(NodeError::refused(format!("two channels of a layer are named {}", pair[0].name))
+                .at("image")
+                .hint("rename one where it is made"));
         }
         let planes = channels.iter().map(|channel| Some(&channel.plane).filter(|_| !is_empty)).collect();
         let channels = channels.iter().map(|channel| ChannelHeader {

@@ -1,23 +1,27 @@
 //! Good graphs made from the declarations of the node types, each piece of their text known by its role.
 
 use std::ops::Range;
+use std::path::Path;
 
 use warploom_core::diag::Code;
+use warploom_core::graph::{Options, check};
 use warploom_core::node::OutputKind;
 use warploom_core::registry::{NodeType, Registry};
 use warploom_core::schema::{Access, Arity, Param, PortShape, Shape};
 use warploom_core::value::Kind;
-use warploom_tests::Random;
 
-use crate::faults_of;
+use crate::Random;
 
 /// What a piece of text is in its graph.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Role {
+    /// The name of a node type.
     Type,
+    /// The name of a parameter.
     Parameter,
-    /// The id in a reference, and the kinds that its port takes.
-    Reference(Vec<Kind>),
+    /// The id in a reference, and what its port takes.
+    Reference(PortShape),
+    /// The output in a reference.
     Output,
     /// A choice, and all that the parameter takes.
     Variant(Vec<String>),
@@ -30,23 +34,51 @@ pub enum Role {
 /// A piece of the text.
 #[derive(Clone, Debug)]
 pub struct Piece {
+    /// What it is.
     pub role: Role,
+    /// Where it is, bytes.
     pub span: Range<usize>,
+    /// Number of its node.
     pub node: usize,
+    /// The parameter that it belongs to.
     pub param: String,
 }
 
 /// A node of a good graph; each comes after those that feed it, wherever it stands in the file.
 pub struct Made {
+    /// Its name.
     pub id: String,
+    /// Its type.
     pub of: String,
-    pub kinds: Vec<(&'static str, Kind)>,
+    /// Its outputs.
+    pub gives: Vec<Gives>,
+}
+
+/// What an output gives.
+#[derive(Clone)]
+pub struct Gives {
+    /// The output.
+    pub name: &'static str,
+    /// The kind.
+    pub kind: Kind,
+    /// The type of the node that makes it, which others may only pass on.
+    pub maker: String,
+}
+
+impl Gives {
+    /// Whether a port takes it.
+    pub fn fits(&self, port: &PortShape) -> bool {
+        port.kinds.contains(&self.kind) && port.maker.as_ref().is_none_or(|maker| *maker == self.maker)
+    }
 }
 
 /// A graph without faults.
 pub struct Good {
+    /// The file.
     pub text: String,
+    /// Its pieces, node by node.
     pub pieces: Vec<Piece>,
+    /// Its nodes, each after those that feed it.
     pub made: Vec<Made>,
 }
 
@@ -57,10 +89,12 @@ const WORDS: [&str; 32] = [
 ];
 
 impl Good {
+    /// The graph of a number.
     pub fn new(seed: u64, registry: &Registry) -> Self {
         let mut random = Random(seed);
         let types: Vec<&NodeType> = registry.iter().map(|node_type| &**node_type).collect();
-        let mut maker = Maker { text: String::new(), pieces: Vec::new(), made: Vec::new(), random: &mut random };
+        let (text, pieces, made) = Default::default();
+        let mut maker = Maker { text, pieces, made, random: &mut random, registry };
         maker.nodes(&types);
         let Maker { text: body, pieces, made, .. } = maker;
         let mut order: Vec<usize> = (0..made.len()).collect();
@@ -80,6 +114,7 @@ impl Good {
         good
     }
 
+    /// A piece's text.
     pub fn said(&self, piece: &Piece) -> &str {
         &self.text[piece.span.clone()]
     }
@@ -91,6 +126,7 @@ struct Maker<'a> {
     pieces: Vec<Piece>,
     made: Vec<Made>,
     random: &'a mut Random,
+    registry: &'a Registry,
 }
 
 impl Maker<'_> {
@@ -119,15 +155,15 @@ impl Maker<'_> {
     }
 
     fn can_feed(&self, node_type: &NodeType) -> bool {
-        node_type.ports().all(|(_, port)| port.arity == Arity::Optional || !self.givers(&port.kinds).is_empty())
+        node_type.ports().all(|(_, port)| port.arity == Arity::Optional || !self.givers(port).is_empty())
     }
 
-    /// Node, and output with its number, of all outputs of some kinds.
-    fn givers(&self, kinds: &[Kind]) -> Vec<(usize, usize)> {
+    /// Node and output, by number, of all outputs that a port takes.
+    fn givers(&self, port: &PortShape) -> Vec<(usize, usize)> {
         let outputs = self.made.iter().enumerate().flat_map(|(node, made)| {
-            made.kinds.iter().enumerate().map(move |(output, (_, kind))| (node, output, *kind))
+            made.gives.iter().enumerate().filter(|(_, gives)| gives.fits(port)).map(move |(output, _)| (node, output))
         });
-        outputs.filter(|(_, _, kind)| kinds.contains(kind)).map(|(node, output, _)| (node, output)).collect()
+        outputs.collect()
     }
 
     /// A node whose parameters go together.
@@ -136,7 +172,8 @@ impl Maker<'_> {
         for _ in 0..1000 {
             let made = self.draw(node_type);
             let graph = format!("Graph(version: 1, frames: \"1001-1012\", nodes: {{ {} }})", &self.text[text..]);
-            if faults_of(&graph).faults.iter().all(|fault| fault.code != Code::Conflict) {
+            let checked = check(&graph, self.registry, &Options::new(Path::new("graph.ron")));
+            if checked.faults.iter().all(|fault| fault.code != Code::Conflict) {
                 return self.made.push(made);
             }
             self.text.truncate(text);
@@ -156,7 +193,7 @@ impl Maker<'_> {
         let mut fed = Vec::new();
         let mut first = true;
         for param in &node_type.params {
-            let starved = matches!(&param.shape, Shape::Port(port) if self.givers(&port.kinds).is_empty());
+            let starved = matches!(&param.shape, Shape::Port(port) if self.givers(port).is_empty());
             if !param.required && (starved || self.random.below(2) == 0) {
                 continue;
             }
@@ -169,14 +206,14 @@ impl Maker<'_> {
             self.value(&id, param, &param.shape, &mut fed);
         }
         self.text += "),\n";
-        let kinds = node_type.outputs.iter().map(|output| match output.kind {
-            OutputKind::Is(kind) => (output.name, kind),
+        let gives = node_type.outputs.iter().map(|output| match output.kind {
+            OutputKind::Is(kind) => Gives { name: output.name, kind, maker: node_type.name.to_string() },
             OutputKind::SameAs(port) => {
-                let kind = fed.iter().find(|(name, _)| name == port).map(|(_, kind)| *kind);
-                (output.name, kind.expect("the port is required"))
+                let (_, gives) = fed.iter().find(|(name, _)| name == port).expect("the port is required");
+                Gives { name: output.name, ..gives.clone() }
             }
         });
-        Made { id, of: node_type.name.to_string(), kinds: kinds.collect() }
+        Made { id, of: node_type.name.to_string(), gives: gives.collect() }
     }
 
     fn piece(&mut self, role: Role, param: &str, text: &str) {
@@ -186,17 +223,17 @@ impl Maker<'_> {
         self.pieces.push(Piece { role, span: start..self.text.len(), node, param: param.to_owned() });
     }
 
-    fn value(&mut self, id: &str, param: &Param, shape: &Shape, fed: &mut Vec<(String, Kind)>) {
+    fn value(&mut self, id: &str, param: &Param, shape: &Shape, fed: &mut Vec<(String, Gives)>) {
         match shape {
             Shape::Port(port) if port.arity == Arity::List => {
                 self.text.push('[');
                 for at in 0..1 + self.random.below(3) {
                     self.text += if at > 0 { ", " } else { "" };
-                    self.reference(param, port.kinds.clone(), fed);
+                    self.reference(param, port, fed);
                 }
                 self.text.push(']');
             }
-            Shape::Port(PortShape { kinds, .. }) => self.reference(param, kinds.clone(), fed),
+            Shape::Port(port) => self.reference(param, port, fed),
             Shape::Number(range) => {
                 let (min, max) = (range.min.unwrap_or(-100.0), range.max.unwrap_or(100.0).min(9999.0));
                 let min = if range.above_min { min + 0.01 } else { min };
@@ -206,7 +243,9 @@ impl Maker<'_> {
                         let other = self.random.between(min, max);
                         self.text += &format!("Keys([(1001, {number:?}), (1012, {other:?})])");
                     }
-                    1 if !self.givers(&[Kind::Number]).is_empty() => self.reference(param, vec![Kind::Number], fed),
+                    1 if !self.givers(&PortShape::of(Kind::Number)).is_empty() => {
+                        self.reference(param, &PortShape::of(Kind::Number), fed);
+                    }
                     _ => self.piece(Role::Number(range.min, range.max), &param.name, &format!("{number:?}")),
                 }
             }
@@ -263,18 +302,18 @@ impl Maker<'_> {
         }
     }
 
-    fn reference(&mut self, param: &Param, kinds: Vec<Kind>, fed: &mut Vec<(String, Kind)>) {
-        let givers = self.givers(&kinds);
+    fn reference(&mut self, param: &Param, port: &PortShape, fed: &mut Vec<(String, Gives)>) {
+        let givers = self.givers(port);
         let &(node, output) = self.random.pick(&givers);
-        let (name, kind) = self.made[node].kinds[output];
+        let gives = self.made[node].gives[output].clone();
         let id = self.made[node].id.clone();
         self.text.push('"');
-        self.piece(Role::Reference(kinds), &param.name, &id);
+        self.piece(Role::Reference(port.clone()), &param.name, &id);
         if output > 0 || self.random.below(4) == 0 {
             self.text.push('.');
-            self.piece(Role::Output, &param.name, name);
+            self.piece(Role::Output, &param.name, gives.name);
         }
         self.text.push('"');
-        fed.push((param.name.clone(), kind));
+        fed.push((param.name.clone(), gives));
     }
 }

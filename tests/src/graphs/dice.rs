@@ -1,20 +1,22 @@
 //! Texts made from a tape of numbers, the simplest of them from zeros: what shrinks the tape shrinks the text.
 
-use super::GRAPHS;
-
+/// Numbers from 0, by which choices are made.
 pub struct Dice<'a> {
     tape: std::slice::Iter<'a, u32>,
 }
 
 impl<'a> Dice<'a> {
+    /// Dice that roll what is on the tape, and 0 behind its end.
     pub fn new(tape: &'a [u32]) -> Self {
         Dice { tape: tape.iter() }
     }
 
+    /// A number below `sides`.
     pub fn below(&mut self, sides: usize) -> usize {
         self.tape.next().map_or(0, |&roll| roll as usize % sides)
     }
 
+    /// One of several.
     pub fn one_of<T: Copy>(&mut self, choices: &[T]) -> T {
         choices[self.below(choices.len())]
     }
@@ -35,6 +37,7 @@ impl<'a> Dice<'a> {
         text
     }
 
+    /// A text that is RON, but for literals that may not be.
     pub fn document(&mut self) -> String {
         let mut text = String::new();
         self.blank(&mut text);
@@ -163,6 +166,7 @@ impl<'a> Dice<'a> {
         self.one_of(&names).to_owned()
     }
 
+    /// A number, or what looks like one.
     pub fn number(&mut self) -> String {
         const WHOLE: [&str; 12] = [
             "1",
@@ -290,9 +294,49 @@ impl<'a> Dice<'a> {
         let until = match self.below(3) {
             0 => at,
             1 => boundaries[(index + 1).min(boundaries.len() - 1)],
-            _ => super::super::lex::token_end(text, at),
+            _ => token_end(text, at),
         };
         let token = self.one_of(&TOKENS);
         text.replace_range(at..until, token);
     }
 }
+
+/// End of the word or the quoted text at `at`, else of one character.
+fn token_end(text: &str, at: usize) -> usize {
+    let rest = &text[at..];
+    let word = rest.len() - rest.trim_start_matches(|c: char| c.is_alphanumeric() || c == '_').len();
+    let quoted = rest.strip_prefix('"').and_then(|inner| inner.find('"')).map_or(0, |len| len + 2);
+    let character = rest.chars().next().map_or(0, char::len_utf8);
+    at + word.max(quoted).max(character)
+}
+
+/// Graphs as people write them.
+pub const GRAPHS: [&str; 4] = [
+    r#"Graph(
+    version: 1,
+    frames: "1001-1012",                                   // optional; --frames overrides
+    nodes: {
+        "plate":  Load(path: "plates/sh010.####.exr"),
+        "mask":   Threshold(image: "plate", channel: "A", above: 0.5),
+        "parts":  Components(mask: "mask"),
+        "grid":   Lattice(domain: "plate", cell: 5.0),
+        "factor": FeatureFactor(grid: "grid", features: "parts", weight: 10.0, radius: 2.0),
+        "bend":   Arc(grid: "grid", angle: 60.0),
+        "keep":   FeatureWarp(warp: "bend", factor: "factor", mode: Similarity),
+        "warped": Resample(image: "plate", warp: "keep"),
+        "out":    Save(image: "warped", path: "out/sh010.####.exr"),
+    },
+)
+"#,
+    r##"#![enable(implicit_some, unwrap_newtypes)]
+/* a matte /* and its holes */ */
+Graph(version: 1, nodes: {
+    "ruß": Load(path: r"C:\plates\日本.exr", layers: [r#"a "b""#, "c\u{e9}\x41\n", 'x'], raw: true),
+    "fade": Gain(image: "ruß.rgb", gain: Keys([(1001, 0.0), (1_012, 6.0e1), (0x3FF, -.5)]), by: Some(1.5)),
+    "mix": Merge(images: ["ruß", "fade"], seed: 18446744073709551615, size: (1920, 1080), none: None,),
+})
+"##,
+    "Graph(\n\tversion: 1,\n\tnodes: {\n\t\t\"a\": Noise(\n\t\t\tsize: (64, 64),\n\t\t\ttable: {\"x\": 1, \"y\": [2, 3]},\n\
+     \t\t\tbytes: b\"\\xff\\\"\",\n\t\t\tbounds: (inf, -inf, NaN, 1u8, 2.5f32, 0..10, ..=3),\n\t\t),\n\t\t\"b\": Empty(),\n\t},\n)\n",
+    r#"(frames: "1-5", nodes: {"a": Solid(color: (0.5, 0.25, 1e-3, 1.)), "b": Blur(image: "a", radius: +3)}) // end"#,
+];
