@@ -5,7 +5,6 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use exr::compression::Compression as Packing;
 use half::f16;
-use half::slice::HalfFloatSliceExt;
 use rayon::prelude::*;
 use warploom_core::node::NodeError;
 use warploom_core::value::{Image, Layer, Metadata, Plane, Rect, SampleType};
@@ -13,6 +12,7 @@ use warploom_core::value::{Image, Layer, Metadata, Plane, Rect, SampleType};
 use super::super::host::Host;
 use super::super::{Compression, Depth, MAX_SIDE, WriteOptions};
 use super::blocks::Blocks;
+use super::half_bits;
 use super::header::{self, ATTRIBUTE, COMPRESSION, ChannelHeader, Part};
 
 /// Bytes of blocks that are packed side by side, if that is more than a block for each thread.
@@ -122,7 +122,7 @@ impl<'a> Source<'a> {
                     (None, _) => samples.extend([0; 4]),
                     (Some(Plane::U32(plane)), _) => samples.extend(plane.row(y).iter().flat_map(|v| v.to_ne_bytes())),
                     (Some(Plane::F32(plane)), SampleType::Half) => {
-                        halves.convert_from_f32_slice(plane.row(y));
+                        half_bits::narrow(plane.row(y), &mut halves);
                         samples.extend(halves.iter().flat_map(|v| v.to_ne_bytes()));
                     }
                     (Some(Plane::F32(plane)), _) => samples.extend(plane.row(y).iter().flat_map(|v| v.to_ne_bytes())),
