@@ -136,7 +136,8 @@ fn a_node_that_heeds_it_makes_what_is_wanted_and_no_more() {
     );
     // Fewer readers, and other orders of them, are known already.
     assert_eq!(executed(&bench.run(&engine, &graph(1.0, "pick size"))), ["out", "sum"]);
-    assert_eq!(executed(&bench.run(&engine, &graph(3.0, "size"))), ["out", "p", "sum"][1..2], "nothing looks at a");
+    let report = bench.run(&engine, &graph(3.0, "size"));
+    assert_eq!(executed(&report), ["out", "p"], "nothing looks at a; and the file holds the sum before");
 }
 
 #[test]

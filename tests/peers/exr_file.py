@@ -46,7 +46,7 @@ def channel_list(channels, linear=()):
 
 def part(channels, origin=(0, 0), display=None, linear=(), **attributes):
     """A part of arrays by name, as attributes and sorted channels. Attributes are given as type and bytes."""
-    channels = sorted((name.encode(), array) for name, array in channels.items())
+    channels = sorted(((name.encode(), array) for name, array in channels.items()), key=lambda entry: entry[0])
     height, width = channels[0][1].shape
     header = {
         b"channels": channel_list(channels, linear),
@@ -58,8 +58,7 @@ def part(channels, origin=(0, 0), display=None, linear=(), **attributes):
         b"screenWindowCenter": (b"v2f", struct.pack("<2f", 0, 0)),
         b"screenWindowWidth": (b"float", struct.pack("<f", 1)),
     }
-    header |= {name.encode(): value for name, value in attributes.items()}
-    return header, channels
+    return header | {name.encode(): value for name, value in attributes.items()}, channels
 
 
 def head(header):

@@ -74,16 +74,17 @@ impl<'a> Source<'a> {
             return Err(NodeError::refused(format!("two channels are named {}", pair[0].name)).at("image"));
         }
         let planes = channels.iter().map(|channel| Some(&channel.plane).filter(|_| !is_empty)).collect();
-        let channels = channels.iter().map(|channel| ChannelHeader {
-            name: channel.name.to_string(),
-            sample_type: stored_type(&channel.plane, channel.sample_type, options.depth),
-            is_linear: false,
-        });
         // Here, among a part's attributes, in its header, which grows by doubling, and in the file's.
         let attributes = image.metadata.values().chain(layer.metadata.values());
         host.reserve(attributes.map(|attribute| 6 * (attribute.bytes.len() + ATTRIBUTE) as u128).sum())?;
         let mut metadata = Metadata::clone(&image.metadata);
         metadata.extend(layer.metadata.iter().map(|(name, attribute)| (name.clone(), attribute.clone())));
+        let linear = header::linear_channels(&metadata);
+        let channels = channels.iter().map(|channel| ChannelHeader {
+            name: channel.name.to_string(),
+            sample_type: stored_type(&channel.plane, channel.sample_type, options.depth),
+            is_linear: linear.iter().any(|name| **name == *channel.name),
+        });
         let part = Part {
             name: layer.name.to_string(),
             display: image.display,
