@@ -12,6 +12,7 @@ mod paths;
 mod progress;
 mod queries;
 mod report;
+mod wanted;
 #[cfg(unix)]
 mod signals;
 #[cfg(unix)]
