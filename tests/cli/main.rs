@@ -12,8 +12,8 @@ mod paths;
 mod progress;
 mod queries;
 mod report;
-mod wanted;
 #[cfg(unix)]
 mod signals;
+mod wanted;
 #[cfg(unix)]
 mod watch;

@@ -100,7 +100,7 @@ def by_hand(folder):
         "attributes": [plain(**ATTRIBUTES)],
         "no_optional": [plain()],
         "one_pixel": [part({"R": noise(np.float32, 1, 1), "id": noise(np.uint32, 1, 1)}, (-1, -1))],
-        "thin": [part({"Y": noise(np.float16, 300, 1)}), ],
+        "thin": [part({"Y": noise(np.float16, 300, 1)})],
         "every_half": [part({"Y": every_half()})],
         "decreasing": [plain(lineOrder=(b"lineOrder", b"\1"))],
         "linear": [part({"R": noise(np.float16), "S": noise(np.float32), "T": noise(np.uint32)}, linear=(b"R", b"T"))],
@@ -125,11 +125,10 @@ def by_hand(folder):
         files[f"window_{name}"] = [part({"R": noise(np.float16), "Z": noise(np.float32)}, origin, box(*display))]
     for name, parts in files.items():
         write(folder / f"{name}.exr", parts)
-    for name, mode, rip in [("mip", 1, False), ("rip", 2, True), ("mip_down", 17, False)]:
-        sides = struct.pack("<IIB", 16, 16, mode)
-        if mode < 16:
-            header = part({"R": noise(np.float16), "Z": noise(np.float32)}, (-3, 2), tiles=(b"tiledesc", sides))
-            write(folder / f"{name}.exr", [header], levels=(16, rip))
+    for name, mode, rip in [("mip", 1, False), ("rip", 2, True)]:
+        tiles = (b"tiledesc", struct.pack("<IIB", 16, 16, mode))
+        header = part({"R": noise(np.float16), "Z": noise(np.float32)}, (-3, 2), tiles=tiles)
+        write(folder / f"{name}.exr", [header], levels=(16, rip))
     return sorted(folder.glob("*.exr"))
 
 
