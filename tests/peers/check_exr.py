@@ -137,15 +137,21 @@ def smooth(dtype, seed):
     return (np.sin(x / 17 + seed) * np.cos(y / 11) * 3 + 4 + (x > 60) * 20).astype(dtype)
 
 
+def grainy(dtype, seed):
+    grain = random.standard_normal((70, 130)) * 3
+    return (smooth(np.float64, seed) + grain - (grain > 6) * 1e4).astype(dtype)
+
+
 def by_openexr(folder):
-    """Every compression and sort of samples, in lines and in tiles, with and without content that it can pack."""
+    """Every compression and sort of samples, in lines and in tiles: what packs well, what does not, and any bits."""
     kinds = {"R": np.float16, "G": np.float16, "B": np.float16, "Z": np.float32, "id": np.uint32}
     for compression, storage in itertools.product(LOSSLESS | LOSSY, ("scanlineimage", "tiledimage")):
-        for content in ("smooth", "noise"):
+        contents = {"smooth": smooth, "grainy": grainy, "noise": lambda kind, _: noise(kind, 130, 70)}
+        for content, draw in contents.items():
             if content == "noise" and compression in LOSSY:
                 continue
-            draw = (lambda t: noise(t, 130, 70)) if content == "noise" else (lambda t: smooth(t, len(kinds)))
-            channels = {name: OpenEXR.Channel(draw(kind), 1, 1, name == "G") for name, kind in kinds.items()}
+            draws = {name: draw(kind, seed) for seed, (name, kind) in enumerate(kinds.items())}
+            channels = {name: OpenEXR.Channel(array, 1, 1, name == "G") for name, array in draws.items()}
             header = {"compression": getattr(OpenEXR, f"{compression}_COMPRESSION"), "type": getattr(OpenEXR, storage)}
             if storage == "tiledimage":
                 header["tiles"] = OpenEXR.TileDescription()
