@@ -24,6 +24,10 @@ const BLOCK_HEAD: usize = 12;
 /// Writes all layers that have channels, each as a part of scan lines with its channels sorted by name. Parts of a
 /// file must have names that differ: one that is empty or taken becomes `partN`. A layer without pixels becomes one
 /// zero pixel at the top left of the display window, which looks the same.
+///
+/// Attributes come out as they are, but for those that say how samples lie in the file: tiles become lines, from top to
+/// bottom, at full resolution, so `tiles`, `lineOrder`, `chunkCount` and `type` are made anew, and `compression` is as
+/// the options say. `screenWindowCenter` and `screenWindowWidth`, which must be there, are added where they are missing.
 pub fn write(image: &Image, options: &WriteOptions, host: &dyn Host) -> Result<Vec<u8>, NodeError> {
     let layers: Vec<&Layer> = image.layers.iter().filter(|layer| !layer.channels.is_empty()).collect();
     if layers.is_empty() {
