@@ -38,16 +38,16 @@ pub fn read(bytes: &[u8], wanted: Option<&[String]>, host: &dyn Host) -> Result<
     for (number, part) in parts.iter().enumerate() {
         let is_wanted = |channel: &ChannelHeader| wanted.is_none_or(|names| names.contains(&channel.name));
         let picked = Picked { part, blocks: Blocks::of(part), channels: part.channels.iter().map(is_wanted).collect() };
-        if picked.count() > 0 {
-            let table = picked.table(bytes, &headers, table_at)?;
-            table_at += table.len();
-            host.reserve(picked.bytes())?;
-            let number = headers.is_multi_part.then_some(number);
-            let chunks = Chunks { bytes, table, number, top: part.data.y0, is_tiled: part.tile.is_some() };
-            sources.push((picked, Some(chunks)));
-        } else {
+        if picked.count() == 0 {
             sources.push((picked, None));
+            continue;
         }
+        let table = picked.table(bytes, &headers, table_at)?;
+        table_at += table.len();
+        host.reserve(picked.bytes())?;
+        let number = headers.is_multi_part.then_some(number);
+        let chunks = Chunks { bytes, table, number, top: part.data.y0, is_tiled: part.tile.is_some() };
+        sources.push((picked, Some(chunks)));
     }
     let mut layers = Vec::with_capacity(sources.len());
     let part_of_all = 1.0 / sources.len() as f64;
@@ -63,7 +63,7 @@ pub fn read(bytes: &[u8], wanted: Option<&[String]>, host: &dyn Host) -> Result<
     Ok(Image { display: first.display, pixel_aspect: first.pixel_aspect, metadata: Arc::new(metadata), layers })
 }
 
-/// A part, and which of its channels are wanted.
+/// A part, how it is cut into blocks, and which of its channels are wanted.
 struct Picked<'a> {
     part: &'a Part,
     blocks: Blocks,
