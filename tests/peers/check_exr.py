@@ -2,8 +2,8 @@
 
 Usage: check_exr.py WARPLOOM. Reads the samples of openexr-images if they lie in ../shared/data beside the checkout.
 
-Every attribute that does not say how samples are packed comes back byte for byte, every sample bit for bit, as
-OpenEXR reads them; windows and channels also as OpenImageIO reads them. What a lossy file holds is what OpenEXR decodes,
+Every attribute that does not say how samples are packed comes back byte for byte, every sample bit for bit, as OpenEXR
+reads them; windows and channels also as OpenImageIO reads them. What a lossy file holds is what OpenEXR decodes,
 and is written without loss. What is refused is refused with exit 4, and the mend that is named mends it.
 """
 
@@ -73,9 +73,9 @@ ATTRIBUTES = {
     "v3f": (b"v3f", struct.pack("<3f", 1, -2, 3)), "v3d": (b"v3d", struct.pack("<3d", 1, -2, 3)),
     "colorInteropID": text("lin_ap1_scene"), "cryptomatte/1234567/manifest": text('{"a":"00000000"}'),
     "nobody/knows": (b"nobodyKnows", bytes(range(256))), "nothing": (b"nobodyKnows", b""),
-    "an attribute with a name of more than thirty-one bytes": (b"a type with a name of more than thirty-one bytes", b"1"),
-    "screenWindowCenter": (b"v2f", struct.pack("<2f", 0.5, -0.25)), "screenWindowWidth": (b"float", struct.pack("<f", 2)),
-    "pixelAspectRatio": (b"float", struct.pack("<f", 2)),
+    "attribute with a name of more than thirty-one bytes": (b"a type with a name of more than thirty-one bytes", b""),
+    "screenWindowCenter": (b"v2f", struct.pack("<2f", 0.5, -0.25)),
+    "screenWindowWidth": (b"float", struct.pack("<f", 2)), "pixelAspectRatio": (b"float", struct.pack("<f", 2)),
     "dwaCompressionLevel": (b"float", struct.pack("<f", 30)), "type": text("scanlineimage"), "name": text("beauty"),
 }  # fmt: skip
 
@@ -211,7 +211,8 @@ def same_geometry(before, after):
         old.reset(str(before), number)
         new.reset(str(after), number)
         a, b = old.spec(), new.spec()
-        for field in ("x", "y", "width", "height", "full_x", "full_y", "full_width", "full_height", "channelnames"):
+        windows = ("x", "y", "width", "height", "full_x", "full_y", "full_width", "full_height")
+        for field in (*windows, "format", "channelnames", "channelformats"):
             assert getattr(a, field) == getattr(b, field), f"{field}: {getattr(a, field)}, {getattr(b, field)}"
 
 
@@ -268,10 +269,10 @@ def refused(folder):
         with OpenEXR.File(header, {"RGB": smooth(np.float16, 1)[..., None].repeat(3, 2)}) as file:
             file.write(str(path))
         yield path, "HTJ2K"
-    parts = [
-        OpenEXR.Part({"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}, {"Y": smooth(np.float16, 1)}, "sound"),
-        OpenEXR.Part({"compression": OpenEXR.HTJ2K32_COMPRESSION, "type": OpenEXR.scanlineimage}, {"Y": smooth(np.float16, 1)}, "new"),
-    ]  # fmt: skip
+    parts = []
+    for name, compression in [("sound", OpenEXR.ZIP_COMPRESSION), ("new", OpenEXR.HTJ2K32_COMPRESSION)]:
+        header = {"compression": compression, "type": OpenEXR.scanlineimage}
+        parts.append(OpenEXR.Part(header, {"Y": smooth(np.float16, 1)}, name))
     path = folder / "second_part.exr"
     with OpenEXR.File(parts) as file:
         file.write(str(path))
