@@ -32,6 +32,9 @@ pub trait Node: Serialize + DeserializeOwned + JsonSchema + Default + Send + Syn
     /// Whether a library below it chooses instructions by the processor at hand, so that its bits hold on one
     /// processor family only.
     const CPU_FAMILY: bool = false;
+    /// Whether it makes no more of its outputs than [`Context::wanted`] says, which then enters its key. What is left
+    /// out is then nobody's: the value is `wanted` of the whole ([`Image::with_channels_only`]).
+    const HEEDS_WANTED: bool = false;
 
     /// Which part of an image on `port` it looks at. May depend on constant parameters only.
     fn reads(&self, port: &str) -> Reads {

@@ -28,6 +28,8 @@ pub struct NodeType {
     pub reads_frame: bool,
     /// Whether its bits hold on one processor family only.
     pub cpu_family: bool,
+    /// Whether it makes no more of its outputs than is wanted.
+    pub heeds_wanted: bool,
     /// The JSON Schema all of this was made from; a plugin's manifest has the same form.
     pub schema: Json,
     make: fn(&Json) -> Result<Box<dyn AnyNode>, serde_json::Error>,
@@ -82,6 +84,7 @@ impl NodeType {
             sink: T::SINK,
             reads_frame: T::READS_FRAME,
             cpu_family: T::CPU_FAMILY,
+            heeds_wanted: T::HEEDS_WANTED,
             schema,
             make: |params| Ok(Box::new(serde_json::from_value::<T>(params.clone())?)),
         }

@@ -14,5 +14,6 @@ mod queries;
 mod report;
 #[cfg(unix)]
 mod signals;
+mod wanted;
 #[cfg(unix)]
 mod watch;

@@ -22,19 +22,54 @@ pub struct Edge {
 #[derive(Clone, Debug, PartialEq)]
 pub enum Op {
     Const(f64),
-    Sum { terms: Vec<Edge>, bias: f64 },
+    Sum {
+        terms: Vec<Edge>,
+        bias: f64,
+    },
     Split(Edge),
     Frame,
-    Step { of: Edge, at: f64 },
-    Window { of: Edge, radius: u32 },
-    Hold { of: Edge, frame: i64 },
+    Step {
+        of: Edge,
+        at: f64,
+    },
+    Window {
+        of: Edge,
+        radius: u32,
+    },
+    Hold {
+        of: Edge,
+        frame: i64,
+    },
     Shot(Edge),
-    Scale { of: Edge, by: By },
-    OrElse { of: Option<Edge>, otherwise: f64 },
-    Read { file: usize, per_frame: bool },
-    Write { of: Edge, file: usize },
-    Picture { a: By, b: f64, width: u32 },
+    Scale {
+        of: Edge,
+        by: By,
+    },
+    OrElse {
+        of: Option<Edge>,
+        otherwise: f64,
+    },
+    Read {
+        file: usize,
+        per_frame: bool,
+    },
+    Write {
+        of: Edge,
+        file: usize,
+    },
+    Picture {
+        a: By,
+        b: f64,
+        width: u32,
+    },
+    /// A picture that holds no more than its readers look at.
+    Plate {
+        a: f64,
+        b: f64,
+        width: u32,
+    },
     PickA(Edge),
+    Both(Edge),
     Size(Edge),
 }
 
@@ -76,13 +111,13 @@ pub struct Answer {
 impl Model {
     fn edges(&self, node: usize) -> Vec<Edge> {
         match &self.ops[node] {
-            Op::Const(_) | Op::Frame | Op::Read { .. } => vec![],
+            Op::Const(_) | Op::Frame | Op::Read { .. } | Op::Plate { .. } => vec![],
             Op::Sum { terms, .. } => terms.clone(),
             Op::Scale { of, by: By::Link(link) } => vec![*of, *link],
             Op::Picture { a: By::Link(link), .. } => vec![*link],
             Op::Picture { .. } => vec![],
             Op::OrElse { of, .. } => of.iter().copied().collect(),
-            Op::Split(of) | Op::Shot(of) | Op::PickA(of) | Op::Size(of) => vec![*of],
+            Op::Split(of) | Op::Shot(of) | Op::PickA(of) | Op::Both(of) | Op::Size(of) => vec![*of],
             Op::Step { of, .. } | Op::Window { of, .. } | Op::Hold { of, .. } => vec![*of],
             Op::Scale { of, .. } | Op::Write { of, .. } => vec![*of],
         }
@@ -187,6 +222,17 @@ impl Model {
                 let picture = Seen::Picture { a: a as f32, b: *b as f32, width: *width };
                 (format!("picture {:x} {b} {width}", a.to_bits()), vec![picture])
             }
+            Op::Plate { a, b, width } => {
+                let plate = Seen::Picture { a: *a as f32, b: *b as f32, width: *width };
+                (format!("plate {a} {b} {width} {}", self.wanted(node)), vec![plate])
+            }
+            Op::Both(edge) => match get(edge, frame) {
+                Seen::Picture { a, b, width } => {
+                    let sum = Seen::Number(f64::from(a) + f64::from(b));
+                    (format!("both {:x} {:x} {width}", a.to_bits(), b.to_bits()), vec![sum])
+                }
+                Seen::Number(_) => unreachable!("the generator connects kinds that fit"),
+            },
             Op::PickA(edge) => match get(edge, frame) {
                 Seen::Picture { a, width, .. } => {
                     let picked = Seen::Number(f64::from(a) + f64::from(width));
@@ -202,6 +248,22 @@ impl Model {
         let answer = Answer { identity, values };
         memo.insert((node, frame), answer.clone());
         answer
+    }
+
+    /// What those nodes that the sinks need look at of a picture.
+    fn wanted(&self, picture: usize) -> &'static str {
+        let needed: HashSet<usize> = self.closure().into_iter().map(|(node, _)| node).collect();
+        let is_read = |by: fn(&Op) -> bool| {
+            let is_reader = |&&node: &&usize| by(&self.ops[node]) && self.edges(node)[0].node == picture;
+            needed.iter().any(|node| is_reader(&node))
+        };
+        if is_read(|op| matches!(op, Op::Both(_))) {
+            "all"
+        } else if is_read(|op| matches!(op, Op::PickA(_))) {
+            "A"
+        } else {
+            "windows"
+        }
     }
 
     /// Every pair that the sinks need: node, and frame where it has one.
@@ -276,7 +338,11 @@ impl Model {
             Op::Picture { a, b, width } => {
                 ("Picture", vec![format!("a: {}", by(a)), format!("b: {b:?}"), format!("width: {width}")])
             }
+            Op::Plate { a, b, width } => {
+                ("Plate", vec![format!("a: {a:?}"), format!("b: {b:?}"), format!("width: {width}")])
+            }
             Op::PickA(image) => ("PickA", vec![format!("image: {}", edge(image))]),
+            Op::Both(image) => ("Both", vec![format!("image: {}", edge(image))]),
             Op::Size(domain) => ("Size", vec![format!("domain: {}", edge(domain))]),
         };
         if random.below(2) == 0 {

@@ -46,7 +46,14 @@ node!(Picture {
     #[default(1)]
     width: u32,
 });
+node!(Plate {
+    a: f64,
+    b: f64,
+    #[default(1)]
+    width: u32,
+});
 node!(PickA { image: In<Image>, });
+node!(Both { image: In<Image>, });
 node!(Size { domain: In<Domain>, });
 node!(Panic { of: In<f64>, message: String, });
 node!(Slow { of: In<f64>, #[default(20)] milliseconds: u64, });
@@ -183,14 +190,47 @@ impl Node for Picture {
     const OUTPUTS: &'static [Output] = &[Output::new("image", Kind::Image)];
     fn compute(&self, cx: &Context) -> Result<Outputs, NodeError> {
         count();
-        let width = self.width as usize;
-        let channel = |name: &str, value: f64| -> Result<Channel, NodeError> {
-            let mut plane = cx.plane::<f32>(width, 1)?;
-            plane.row_mut(0).fill(value as f32);
-            Ok(Channel { name: name.into(), sample_type: SampleType::Float, plane: Plane::F32(plane.freeze()) })
+        Ok(picture(cx, &[("A", self.a), ("B", self.b)], self.width)?.into())
+    }
+}
+
+fn picture(cx: &Context, channels: &[(&str, f64)], width: u32) -> Result<Image, NodeError> {
+    let width = width as usize;
+    let channel = |&(name, value): &(&str, f64)| -> Result<Channel, NodeError> {
+        let mut plane = cx.plane::<f32>(width, 1)?;
+        plane.row_mut(0).fill(value as f32);
+        Ok(Channel { name: name.into(), sample_type: SampleType::Float, plane: Plane::F32(plane.freeze()) })
+    };
+    let channels = channels.iter().map(channel).collect::<Result<_, _>>()?;
+    Ok(Image::new(Rect::at(0, 0, width, 1), channels))
+}
+
+impl Node for Plate {
+    const VERSION: u32 = 1;
+    const OUTPUTS: &'static [Output] = &[Output::new("image", Kind::Image)];
+    const HEEDS_WANTED: bool = true;
+    fn compute(&self, cx: &Context) -> Result<Outputs, NodeError> {
+        count();
+        let wanted = cx.wanted("image");
+        let is_wanted = |name: &str| wanted.channels().is_none_or(|names| names.iter().any(|known| known == name));
+        let mut channels = vec![("A", self.a), ("B", self.b)];
+        channels.retain(|(name, _)| is_wanted(name));
+        let made: Vec<&str> = channels.iter().map(|(name, _)| *name).collect();
+        Ok(Outputs::from(picture(cx, &channels, self.width)?).stat("made", made.concat()))
+    }
+}
+
+impl Node for Both {
+    const VERSION: u32 = 1;
+    const OUTPUTS: &'static [Output] = NUMBER;
+    fn compute(&self, cx: &Context) -> Result<Outputs, NodeError> {
+        count();
+        let image = cx.get(&self.image);
+        let first = |name: &str| match image.primary().channel(name).map(|channel| &channel.plane) {
+            Some(Plane::F32(plane)) => f64::from(plane.row(0)[0]),
+            _ => panic!("who reads all is given all"),
         };
-        let channels = vec![channel("A", self.a)?, channel("B", self.b)?];
-        Ok(Image::new(Rect::at(0, 0, width, 1), channels).into())
+        Ok((first("A") + first("B")).into())
     }
 }
 
@@ -254,6 +294,7 @@ impl Node for Drift {
 }
 
 pub const NODES: &[Definition] = &[
+    def::<Both>("Both"),
     def::<Const>("Const"),
     def::<Drift>("Drift"),
     def::<Frame>("Frame"),
@@ -262,6 +303,7 @@ pub const NODES: &[Definition] = &[
     def::<Panic>("Panic"),
     def::<PickA>("PickA"),
     def::<Picture>("Picture"),
+    def::<Plate>("Plate"),
     def::<Read>("Read"),
     def::<Scale>("Scale"),
     def::<Shot>("Shot"),

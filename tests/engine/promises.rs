@@ -10,6 +10,7 @@ use warploom_core::diag::Code;
 use warploom_core::engine::{
     Cancel, Engine, Event, From, Job, Observer, PairReport, Reason, Report, Settings, Stat, Status, StorePolicy,
 };
+use warploom_core::graph::{Options, check};
 use warploom_core::registry::Registry;
 
 use warploom_tests::io::{Meddled, Meddler, Op};
@@ -104,6 +105,53 @@ fn a_port_that_reads_one_channel_does_not_run_for_another() {
     let report = bench.run(&engine, &graph(3.0, 2.0, 1));
     assert_eq!(executed(&report)[..3], ["both", "out@1", "out@2"], "and the size is the same");
     assert_eq!(pair(&report, "size", None).status, Status::Reused);
+}
+
+#[test]
+fn a_node_that_heeds_it_makes_what_is_wanted_and_no_more() {
+    let (bench, engine) = (Bench::new(), engine(ROOMY));
+    let graph = |a: f64, readers: &str| {
+        let terms: Vec<&str> = readers.split(' ').collect();
+        format!(
+            r#""p": Plate(a: {a:?}, b: 2.0, width: 3), "size": Size(domain: "p"), "pick": PickA(image: "p"),
+            "both": Both(image: "p"), "sum": Sum(terms: {terms:?}), "out": Write(of: "sum", path: "out.txt")"#
+        )
+    };
+    let made = |report: &Report| pair(report, "p", None).stats["made"].clone();
+    let report = bench.run(&engine, &graph(1.0, "size"));
+    assert_eq!((made(&report), pair(&report, "p", None).bytes), ("".into(), 0), "windows are no plane");
+    let report = bench.run(&engine, &graph(1.0, "size pick"));
+    assert_eq!(
+        (executed(&report), made(&report)),
+        (vec!["out".into(), "p".into(), "pick".into(), "sum".into()], "A".into())
+    );
+    let why = pair(&report, "p", None).why.clone().expect("a reason");
+    assert_eq!((why.code, why.node.as_str()), (Reason::Wanted, "p"));
+    assert_eq!((why.old, why.new), (Some("windows".into()), Some("channels A".into())));
+    assert_eq!(pair(&report, "size", None).status, Status::Reused, "what it looks at is as it was");
+    let report = bench.run(&engine, &graph(1.0, "size pick both"));
+    assert_eq!(
+        (executed(&report), made(&report)),
+        (vec!["both".into(), "out".into(), "p".into(), "sum".into()], "AB".into())
+    );
+    // Fewer readers, and other orders of them, are known already.
+    assert_eq!(executed(&bench.run(&engine, &graph(1.0, "pick size"))), ["out", "sum"]);
+    let report = bench.run(&engine, &graph(3.0, "size"));
+    assert_eq!(executed(&report), ["out", "p"], "nothing looks at a; and the file holds the sum before");
+}
+
+#[test]
+fn a_target_is_wanted_whole() {
+    let (bench, engine) = (Bench::new(), engine(ROOMY));
+    let text = r#"Graph(version: 1, nodes: { "p": Plate(a: 1.0, b: 2.0), "size": Size(domain: "p") })"#;
+    let file = bench.path("graph.ron");
+    let made = |targets: &[&str]| {
+        let targets: Vec<String> = targets.iter().map(|target| target.to_string()).collect();
+        let checked = check(text, &bench.registry, &Options { targets: &targets, ..Options::new(&file) });
+        let report = engine.run(&Arc::new(checked.plan.expect("a plan")), &Job::default());
+        pair(&report, "p", None).stats["made"].clone()
+    };
+    assert_eq!((made(&["size"]), made(&["p"]), made(&["p", "size"])), ("".into(), "AB".into(), "AB".into()));
 }
 
 #[test]

@@ -31,7 +31,7 @@ fn number_edge(model: &[Op], random: &mut Random) -> Edge {
     loop {
         let node = random.below(model.len());
         match model[node] {
-            Op::Picture { .. } | Op::Write { .. } => continue,
+            Op::Picture { .. } | Op::Plate { .. } | Op::Write { .. } => continue,
             Op::Split(_) => return Edge { node, output: random.below(2) },
             _ => return Edge { node, output: 0 },
         }
@@ -39,8 +39,12 @@ fn number_edge(model: &[Op], random: &mut Random) -> Edge {
 }
 
 fn picture_edge(model: &[Op], random: &mut Random) -> Option<Edge> {
-    let pictures: Vec<usize> = (0..model.len()).filter(|&node| matches!(model[node], Op::Picture { .. })).collect();
+    let pictures: Vec<usize> = (0..model.len()).filter(|&node| is_picture(&model[node])).collect();
     (!pictures.is_empty()).then(|| Edge { node: pictures[random.below(pictures.len())], output: 0 })
+}
+
+fn is_picture(op: &Op) -> bool {
+    matches!(op, Op::Picture { .. } | Op::Plate { .. })
 }
 
 fn by(before: &[Op], random: &mut Random) -> By {
@@ -57,7 +61,7 @@ fn operation(before: &[Op], random: &mut Random) -> Op {
         return Op::Const(value(random));
     }
     let of = number_edge(before, random);
-    match random.below(16) {
+    match random.below(18) {
         0 => Op::Const(value(random)),
         1 | 2 => {
             let terms = (0..1 + random.below(3)).map(|_| number_edge(before, random)).collect();
@@ -73,8 +77,10 @@ fn operation(before: &[Op], random: &mut Random) -> Op {
         12 => Op::OrElse { of: (random.below(2) == 0).then_some(of), otherwise: value(random) },
         13 => Op::Read { file: random.below(FILES), per_frame: random.below(2) == 0 },
         14 => Op::Picture { a: by(before, random), b: value(random), width: 1 + random.below(2) as u32 },
-        _ => match (picture_edge(before, random), random.below(2)) {
+        15 => Op::Plate { a: value(random), b: value(random), width: 1 + random.below(2) as u32 },
+        _ => match (picture_edge(before, random), random.below(3)) {
             (Some(edge), 0) => Op::PickA(edge),
+            (Some(edge), 1) => Op::Both(edge),
             (Some(edge), _) => Op::Size(edge),
             (None, _) => Op::Split(of),
         },
@@ -115,7 +121,6 @@ fn edit(model: &mut Model, random: &mut Random) {
             let node = random.below(model.ops.len());
             let (before, _) = model.ops.split_at(node);
             let new = operation(before, random);
-            let is_picture = |op: &Op| matches!(op, Op::Picture { .. });
             let narrow = |op: &Op| matches!(op, Op::Split(_));
             let old = &model.ops[node];
             if !matches!(old, Op::Write { .. }) && is_picture(old) == is_picture(&new) && (narrow(&new) || !narrow(old))

@@ -6,8 +6,8 @@ use std::sync::{Mutex, PoisonError};
 use super::Existing;
 use super::io::{self as door, Durable, Io, cannot_write, plain};
 use super::memory::Purpose;
-use crate::node::{ErrorClass, In, NodeError, Port, ReadPath, Request, WritePath};
-use crate::value::{BufferMut, Digest, Given, Sample};
+use crate::node::{ErrorClass, In, NodeError, Output, Port, ReadPath, Request, WritePath};
+use crate::value::{BufferMut, Digest, Given, Reads, Sample};
 
 /// A file that a sink wrote.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -36,6 +36,8 @@ pub struct Context<'a> {
     pub(crate) request: &'a Request,
     pub(crate) frame: Option<i64>,
     pub(crate) files: &'a [(PathBuf, Digest)],
+    pub(crate) outputs: &'static [Output],
+    pub(crate) wanted: &'a [Reads],
     pub(crate) io: &'a dyn Io,
     pub(crate) control: &'a dyn Control,
     pub(crate) existing: Existing,
@@ -66,6 +68,13 @@ impl Context<'_> {
     /// What is asked for. Its frame is only there for node types that declare to read it.
     pub fn request(&self) -> Request {
         self.request.at(self.frame)
+    }
+
+    /// What all who read an output look at together. Always all of it for node types that do not declare
+    /// [`HEEDS_WANTED`](crate::node::Node::HEEDS_WANTED): what they make must not depend on who reads it.
+    pub fn wanted(&self, output: &str) -> &Reads {
+        let at = self.outputs.iter().position(|known| known.name == output);
+        &self.wanted[at.expect("a node asks for outputs that it declares")]
     }
 
     /// Zeros to draw on; refused if this node's allocations pass the memory budget, or if the run is stopped.

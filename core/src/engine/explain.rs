@@ -17,7 +17,7 @@ use super::resolve::Params;
 use super::store::Record;
 use crate::graph::plan::{Plan, PlanNode};
 use crate::schema::{Access, Shape};
-use crate::value::{Digest, Hasher};
+use crate::value::{Digest, Hasher, Reads};
 
 /// Why a sink whose key was known ran all the same.
 pub(crate) enum Trigger {
@@ -63,6 +63,9 @@ struct Entry {
     /// Per connection: port, source and output, digests where they are known.
     inputs: Vec<(String, String, Vec<Option<Digest>>)>,
     files: Vec<(PathBuf, Digest)>,
+    /// What was wanted of its outputs.
+    #[serde(default)]
+    wanted: Vec<Reads>,
 }
 
 /// Why a pair is another than last time, if it is.
@@ -251,6 +254,7 @@ fn entry(course: &Course, at: usize, facts: &Facts) -> Entry {
         params: plan.params_at(pair.node, pair.request.frame, &links).unwrap_or_else(|_| node.params.json.clone()),
         inputs: inputs.collect(),
         files: facts.files.to_vec(),
+        wanted: node.wanted.clone(),
     }
 }
 
@@ -261,7 +265,7 @@ fn reason_at(plan: &Plan, index: usize, param: Option<&str>, code: Reason, text:
     Box::new(Why { param: param.map(str::to_owned), code, node: node.id.to_string(), old: None, new: None, at, text })
 }
 
-/// A change of the node's own: its type, version, parameters or files.
+/// A change of the node's own: its type, version, parameters, files, or what is wanted of it.
 fn own_change(course: &Course, at: usize, before: &Entry, now: &Entry, changes: &[Change]) -> Change {
     let (plan, index) = (course.plan, course.pairs.list[at].node);
     let node = &plan.nodes[index];
@@ -285,7 +289,17 @@ fn own_change(course: &Course, at: usize, before: &Entry, now: &Entry, changes: 
             return Some(Box::new(Why { old: Some(old), new: Some(new), ..*why }));
         }
     }
-    file_change(plan, index, before, now)
+    file_change(plan, index, before, now).or_else(|| wanted_change(plan, index, before, now))
+}
+
+/// Its readers look at other parts of an output.
+fn wanted_change(plan: &Plan, index: usize, before: &Entry, now: &Entry) -> Change {
+    let node = &plan.nodes[index];
+    let mut outputs = node.node_type.outputs.iter().zip(before.wanted.iter().zip(&now.wanted));
+    let (output, (old, new)) = outputs.find(|(_, (old, new))| old != new)?;
+    let text = format!("of `{}` of `{}` was wanted: {old}; is wanted: {new}", output.name, node.id);
+    let why = reason_at(plan, index, None, Reason::Wanted, text);
+    Some(Box::new(Why { old: Some(old.to_string().into()), new: Some(new.to_string().into()), ..*why }))
 }
 
 /// Another path, or another content there.

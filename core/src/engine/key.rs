@@ -11,14 +11,25 @@ use crate::value::{Digest, Hasher};
 /// Raised when keys are made differently: old records are then not found.
 const FORMAT: i128 = 2;
 
-/// Digest of what a node is without its inputs: type, version, parameters, and which ports are connected. Names and
-/// order of nodes, comments and thread counts do not enter.
+/// Digest of what a node is without its inputs: type, version, parameters, which ports are connected, and, if its type
+/// heeds that, what is wanted of it. Names and order of nodes, comments and thread counts do not enter.
 pub(crate) fn recipe(node: &PlanNode, params: &Params) -> Digest {
     let node_type = &node.node_type;
     let mut hasher = Hasher::new("recipe");
     hasher.int(FORMAT).text(&node_type.name).int(node_type.version.into());
     if node_type.cpu_family {
         hasher.text("cpu").text(cpu_family());
+    }
+    if node_type.heeds_wanted {
+        for wanted in &node.wanted {
+            match wanted.channels() {
+                None => _ = hasher.text("all"),
+                Some(names) => {
+                    hasher.text("channels").int(names.len() as i128);
+                    names.iter().for_each(|name| _ = hasher.text(name));
+                }
+            }
+        }
     }
     for param in &node_type.params {
         hasher.text(&param.name);

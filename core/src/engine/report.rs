@@ -69,6 +69,8 @@ pub enum Reason {
     Input,
     /// A file has other content.
     File,
+    /// Those who read its outputs look at other parts of them.
+    Wanted,
     /// The plugin is another build.
     Plugin,
     /// The node type is another version.

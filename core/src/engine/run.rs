@@ -241,6 +241,8 @@ impl Worker<'_> {
             request: &pair.request,
             frame: pair.request.frame.filter(|_| node.node_type.reads_frame),
             files: &files,
+            outputs: node.node_type.outputs,
+            wanted: &node.wanted,
             io: &*self.engine.io,
             control: &control,
             existing: self.job.existing,

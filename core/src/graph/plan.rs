@@ -46,6 +46,8 @@ pub struct PlanNode {
     pub links: Vec<(usize, usize)>,
     /// The node with Keys and links at their defaults: answers `needs`.
     pub prototype: Box<dyn AnyNode>,
+    /// Per output, what all who read it look at together. All of it where the type makes that in any case.
+    pub wanted: Vec<Reads>,
     /// Whether it is the same for all frames.
     pub is_static: bool,
     /// Where its type's name stands.

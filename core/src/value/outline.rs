@@ -1,9 +1,12 @@
 //! What is remembered of a value when its bytes are not at hand.
 
+use std::collections::BTreeSet;
+use std::fmt;
+
 use super::{Digest, Hasher, Kind, Value, Windows};
 
 /// Which part of a value a port looks at; what it does not look at does not enter the reader's key.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub enum Reads {
     /// All of it.
     All,
@@ -89,6 +92,25 @@ impl Reads {
         }
     }
 
+    /// The channels of an image's first layer that are read; none where that is the whole image.
+    pub fn channels(&self) -> Option<&[String]> {
+        match self {
+            Reads::All => None,
+            Reads::Windows => Some(&[]),
+            Reads::Channels(names) => Some(names),
+        }
+    }
+
+    /// What two readers look at together, the same whichever comes first.
+    pub fn union(&self, other: &Self) -> Self {
+        let (Some(a), Some(b)) = (self.channels(), other.channels()) else { return Reads::All };
+        let names: BTreeSet<&String> = a.iter().chain(b).collect();
+        match names.is_empty() {
+            true => Reads::Windows,
+            false => Reads::Channels(names.into_iter().cloned().collect()),
+        }
+    }
+
     /// What the outline alone can give.
     pub fn without_value(&self, outline: &Outline) -> Option<Given> {
         match self {
@@ -104,5 +126,36 @@ impl Reads {
             Reads::Windows if !matches!(kind, Kind::Image | Kind::Mask | Kind::Field | Kind::Labels) => Reads::All,
             reads => reads,
         }
+    }
+}
+
+impl fmt::Display for Reads {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Reads::All => write!(f, "all"),
+            Reads::Windows => write!(f, "windows"),
+            Reads::Channels(names) => write!(f, "channels {}", names.join(", ")),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Reads::{self, All, Windows};
+
+    fn channels(names: &[&str]) -> Reads {
+        Reads::Channels(names.iter().map(|name| name.to_string()).collect())
+    }
+
+    #[test]
+    fn the_union_holds_both_and_has_one_form() {
+        let (rg, ba) = (channels(&["R", "G"]), channels(&["B", "A", "R"]));
+        assert_eq!(rg.union(&ba), channels(&["A", "B", "G", "R"]));
+        for reads in [All, Windows, rg.clone(), ba] {
+            assert_eq!(reads.union(&All), All);
+            assert_eq!(reads.union(&rg), rg.union(&reads));
+            assert_eq!(reads.union(&Windows).union(&reads), reads.union(&reads), "windows add nothing");
+        }
+        assert_eq!(channels(&[]).union(&Windows), Windows);
     }
 }

@@ -9,7 +9,7 @@ use super::codec::{self, Encoding, NodeHost};
 /// Reads a picture: EXR, PNG, JPEG, TIFF or Radiance HDR, by the content of the file.
 ///
 /// The result is scene-linear and premultiplied. An EXR keeps all its layers, channels, windows and attributes; of a
-/// mip map the full resolution is read. Other files give one layer with channels `R`, `G`, `B` or `Y`, and `A`.
+/// mip map the full resolution is read, and nothing is unpacked that no node looks at. Other files give one layer with channels `R`, `G`, `B` or `Y`, and `A`.
 #[derive(Clone, Serialize, Deserialize, JsonSchema, SmartDefault)]
 #[serde(default, deny_unknown_fields)]
 pub struct Load {
@@ -20,14 +20,16 @@ pub struct Load {
 }
 
 impl Node for Load {
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
     const OUTPUTS: &'static [Output] = &[Output::new("image", Kind::Image)];
     // The decoders of JPEG and DWA choose instructions by the processor.
     const CPU_FAMILY: bool = true;
+    const HEEDS_WANTED: bool = true;
 
     fn compute(&self, cx: &Context) -> Result<Outputs, NodeError> {
         let bytes = cx.read(&self.path)?;
-        let image = codec::decode(&bytes, self.encoding, &NodeHost(cx)).or_else(|error| {
+        let wanted = cx.wanted("image");
+        let image = codec::decode_wanted(&bytes, self.encoding, wanted, &NodeHost(cx)).or_else(|error| {
             // A decoder that was stopped takes that for a damaged file.
             cx.go_on()?;
             let message = format!("{}: {}", self.path.path().display(), error.message);

@@ -35,7 +35,7 @@ pub struct Save {
 }
 
 impl Node for Save {
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
     const OUTPUTS: &'static [Output] = &[];
     const SINK: bool = true;
     // The encoder of DWA chooses instructions by the processor.

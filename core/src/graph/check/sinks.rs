@@ -17,7 +17,7 @@ use crate::graph::source::Sources;
 use crate::node::Request;
 use crate::registry::AnyNode;
 use crate::schema::Access;
-use crate::value::Kind;
+use crate::value::{Kind, Reads};
 
 /// The last faults, and the plan if nothing is missing for it.
 pub(super) fn finish(graph: Graph, wired: Wired, options: &Options, report: &mut Reporter) -> Option<Plan> {
@@ -47,11 +47,12 @@ pub(super) fn finish(graph: Graph, wired: Wired, options: &Options, report: &mut
     for (index, (((draft, prototype), mut slots), links)) in rows {
         for slot in &mut slots {
             let windows_only = draft.node_type.ports().any(|(p, port)| p.name == slot.port && port.windows_only);
-            let reads = if windows_only { crate::value::Reads::Windows } else { prototype.reads(&slot.port) };
+            let reads = if windows_only { Reads::Windows } else { prototype.reads(&slot.port) };
             slot.reads = reads.for_kind(wired.kinds[slot.source][slot.output].unwrap_or(Kind::Image));
         }
         nodes.push(PlanNode {
             id: graph.nodes[index].id.into(),
+            wanted: vec![Reads::All; draft.node_type.outputs.len()],
             node_type: draft.node_type,
             params: draft.params,
             slots,
@@ -64,10 +65,27 @@ pub(super) fn finish(graph: Graph, wired: Wired, options: &Options, report: &mut
         });
     }
     let graph_file = std::path::absolute(options.file).unwrap_or_else(|_| options.file.to_owned());
-    let order = wired.order.into_iter().filter(|&index| reached[index]).collect();
+    let order: Vec<usize> = wired.order.into_iter().filter(|&index| reached[index]).collect();
+    tell_wanted(&mut nodes, &order, &targets);
     let (frames, sources) = (graph.frames, Sources::default());
     let plan = Plan { graph: graph_file, nodes, targets, order, frames, sources, pairs: OnceLock::new() };
     Some(plan)
+}
+
+/// Tells the nodes that heed it what those who run look at of their outputs. Targets are looked at whole.
+fn tell_wanted(nodes: &mut [PlanNode], order: &[usize], targets: &[usize]) {
+    let nothing = |node: &PlanNode| vec![Reads::Windows; node.node_type.outputs.len()];
+    let mut wanted: Vec<Vec<Reads>> = nodes.iter().map(nothing).collect();
+    targets.iter().for_each(|&target| wanted[target].fill(Reads::All));
+    for reader in order.iter().map(|&index| &nodes[index]) {
+        for slot in &reader.slots {
+            let wanted = &mut wanted[slot.source][slot.output];
+            *wanted = wanted.union(&slot.reads);
+        }
+        reader.links.iter().for_each(|&(source, output)| wanted[source][output] = Reads::All);
+    }
+    let heeding = nodes.iter_mut().zip(wanted).filter(|(node, _)| node.node_type.heeds_wanted);
+    heeding.for_each(|(node, wanted)| node.wanted = wanted);
 }
 
 fn targets(graph: &Graph, sinks: &[usize], options: &Options, report: &mut Reporter) -> Vec<usize> {

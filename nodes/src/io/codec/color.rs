@@ -20,6 +20,12 @@ pub fn decode(image: Image, encoding: Encoding, host: &dyn Host) -> Result<Image
     }
 }
 
+/// The channels that those of these names are made of: straight colour is had by alpha.
+pub fn needed(names: &[String], encoding: Encoding) -> Vec<String> {
+    let of_alpha = encoding == Encoding::Srgb && names.iter().any(|name| COLOR.contains(&&**name));
+    names.iter().cloned().chain(of_alpha.then(|| "A".to_owned())).collect()
+}
+
 /// A scene-linear picture as it is to be written.
 pub fn encode(image: &Image, encoding: Encoding, host: &dyn Host) -> Result<Image, NodeError> {
     match encoding {

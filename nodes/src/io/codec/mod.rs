@@ -22,7 +22,7 @@ use host::Within;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use smart_default::SmartDefault;
-use warploom_core::node::{ErrorClass, NodeError};
+use warploom_core::node::{ErrorClass, NodeError, Reads};
 use warploom_core::value::{Channel, Image, Layer, Plane, SampleType, Value, Windows};
 
 /// How colour is stored in a file. Alpha is linear in every encoding.
@@ -105,9 +105,26 @@ pub(crate) const MAX_SIDE: usize = 65_536;
 ///
 /// The result is scene-linear and premultiplied, unless `encoding` is `Raw`. Messages name no path.
 pub fn decode(bytes: &[u8], encoding: Encoding, host: &dyn Host) -> Result<Image, NodeError> {
+    decode_wanted(bytes, encoding, &Reads::All, host)
+}
+
+/// What is wanted of the picture in the bytes of a file. Of an EXR nothing else is unpacked.
+pub fn decode_wanted(bytes: &[u8], encoding: Encoding, wanted: &Reads, host: &dyn Host) -> Result<Image, NodeError> {
+    let whole = unpacked(bytes, encoding, wanted.channels(), host)?;
+    Ok(match wanted.channels() {
+        Some(names) => whole.with_channels_only(names),
+        None => whole,
+    })
+}
+
+/// The picture, with no less than the wanted channels of the first layer.
+fn unpacked(bytes: &[u8], encoding: Encoding, wanted: Option<&[String]>, host: &dyn Host) -> Result<Image, NodeError> {
     let decoded = catch_unwind(AssertUnwindSafe(|| match bytes {
         [] => Err(unreadable("the file is empty")),
-        _ if is_exr(bytes) => exr::read(bytes, &start(host)).and_then(|i| color::decode(i, encoding, &rest(host))),
+        _ if is_exr(bytes) => {
+            let needed = wanted.map(|names| color::needed(names, encoding));
+            exr::read(bytes, needed.as_deref(), &start(host)).and_then(|i| color::decode(i, encoding, &rest(host)))
+        }
         [0x89, b'P', b'N', b'G', ..] => raster::read_png(bytes, &start(host))?.into_image(encoding, &rest(host)),
         [0xff, 0xd8, 0xff, ..] => raster::read_jpeg(bytes, &start(host))?.into_image(encoding, &rest(host)),
         [b'#', b'?', ..] => raster::read_hdr(bytes, &start(host))?.into_image(encoding, &rest(host)),

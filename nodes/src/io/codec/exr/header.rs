@@ -30,9 +30,14 @@ const MAX_COORDINATE: i32 = 1 << 30;
 /// The attribute that tells the compression, which is also kept as metadata: it says what the source had.
 pub const COMPRESSION: &str = "compression";
 
-/// Attributes that say how a part is stored, made anew when it is written.
+/// The attribute that lists the channels, which is kept as metadata too where it marks some as perceptually linear:
+/// nothing else of a picture says that.
+const CHANNELS: &str = "channels";
+
+/// Attributes that say how a part is stored, made anew when it is written: parts are written as lines from top to bottom
+/// (`lineOrder`, no `tiles`), at full resolution. `type` and `chunkCount` are written in files of several parts alone.
 const STRUCTURAL: [&str; 10] = [
-    "channels",
+    CHANNELS,
     COMPRESSION,
     "chunkCount",
     "dataWindow",
@@ -65,7 +70,7 @@ pub struct Part {
 pub struct ChannelHeader {
     pub name: String,
     pub sample_type: SampleType,
-    /// A hint for lossy compression.
+    /// Perceptually linear: a hint for lossy compression.
     pub is_linear: bool,
 }
 
@@ -95,7 +100,8 @@ pub fn read(file: &[u8], host: &dyn Host) -> Result<Headers, NodeError> {
         if parts.len() == MAX_PARTS {
             return Err(unsupported(format!("the file has more than {MAX_PARTS} parts")));
         }
-        parts.push(part(attributes, version).map_err(|e| in_part(e, &parts, is_multi_part))?);
+        let part = part(attributes, version).and_then(|part| fits(part, parts.first()));
+        parts.push(part.map_err(|e| in_part(e, &parts, is_multi_part))?);
         if !is_multi_part {
             break;
         }
@@ -110,6 +116,19 @@ fn in_part(error: NodeError, before: &[Part], is_multi_part: bool) -> NodeError 
     match is_multi_part {
         true => NodeError { message: format!("part {}: {}", before.len() + 1, error.message), ..error },
         false => error,
+    }
+}
+
+/// The part, if it has what all parts of a file share.
+fn fits(part: Part, first: Option<&Part>) -> Result<Part, NodeError> {
+    let shared = |part: &Part| (part.display, part.pixel_aspect);
+    match first.is_none_or(|first| shared(first) == shared(&part)) {
+        true => Ok(part),
+        false => {
+            let message = format!("{} has a display window or pixel aspect ratio of its own", titled(&part.name));
+            Err(unreadable(message)
+                .hint("OpenEXR gives all parts of a file one; write the parts to files of their own"))
+        }
     }
 }
 
@@ -204,14 +223,16 @@ fn part(mut attributes: Metadata, version: u32) -> Result<Part, NodeError> {
         display,
         data,
         pixel_aspect: pixel_aspect(&attributes)?,
-        channels: channels(required(&attributes, "channels", "chlist")?, &name)?,
+        channels: channels(required(&attributes, CHANNELS, "chlist")?, &name)?,
         compression: compression(&attributes, &name)?,
         tile: if is_tiled { Some(tile(required(&attributes, "tiles", "tiledesc")?)?) } else { None },
         chunk_count,
         name,
         metadata: Metadata::new(),
     };
-    attributes.retain(|name, _| name == COMPRESSION || !STRUCTURAL.contains(&&**name));
+    let marks = part.channels.iter().any(|channel| channel.is_linear);
+    let tells = |name: &str| name == COMPRESSION || name == CHANNELS && marks || !STRUCTURAL.contains(&name);
+    attributes.retain(|name, _| tells(name));
     Ok(Part { metadata: attributes, ..part })
 }
 
@@ -221,7 +242,7 @@ fn titled(name: &str) -> String {
 
 fn deep(name: &str) -> NodeError {
     unsupported(format!("{} holds deep data", titled(name)))
-        .hint("flatten it first: oiiotool in.exr --flatten -o out.exr")
+        .hint("flatten it first: oiiotool -a in.exr --flatten -o out.exr")
 }
 
 fn required<'a>(attributes: &'a Metadata, name: &str, kind: &str) -> Result<&'a [u8], NodeError> {
@@ -330,18 +351,24 @@ fn channels(bytes: &[u8], part: &str) -> Result<Vec<ChannelHeader>, NodeError> {
             let message = format!("{} has subsampled channels ({} and more)", titled(part), name.escape_debug());
             return Err(unsupported(message).hint("have the program that made it write R, G, B"));
         }
-        if channels.last().is_some_and(|before| before.name >= name) {
-            return Err(damaged(&format!("channel {} is out of order", name.escape_debug())));
-        }
         if channels.len() == MAX_CHANNELS {
             return Err(unsupported(format!("{} has more than {MAX_CHANNELS} channels", titled(part))));
         }
         channels.push(ChannelHeader { name, sample_type, is_linear });
     }
-    match channels.is_empty() {
-        true => Err(damaged("it has no channels")),
-        false => Ok(channels),
+    // Samples lie in this order whatever that of the list.
+    channels.sort_by(|a, b| a.name.cmp(&b.name));
+    match channels.windows(2).find(|pair| pair[0].name == pair[1].name) {
+        Some(pair) => Err(damaged(&format!("channel {} is there twice", pair[0].name.escape_debug()))),
+        None if channels.is_empty() => Err(damaged("it has no channels")),
+        None => Ok(channels),
     }
+}
+
+/// Names of the channels that a part's source marked as perceptually linear.
+pub fn linear_channels(metadata: &Metadata) -> Vec<String> {
+    let listed = metadata.get(CHANNELS).and_then(|list| channels(&list.bytes, "").ok()).unwrap_or_default();
+    listed.into_iter().filter(|channel| channel.is_linear).map(|channel| channel.name).collect()
 }
 
 /// Writes magic, version and all headers.
@@ -391,7 +418,7 @@ fn attributes_of(part: &Part, chunk_count: Option<usize>) -> Result<Metadata, No
         }
     }
     channels.push(0);
-    set("channels", "chlist", channels);
+    set(CHANNELS, "chlist", channels);
     set(COMPRESSION, COMPRESSION, vec![compression_code(part.compression)]);
     set("dataWindow", "box2i", window_bytes(part.data));
     set("displayWindow", "box2i", window_bytes(part.display));

@@ -2,6 +2,7 @@
 //! memory is taken for it, and makes equal pictures equal files; the exr crate packs and unpacks the blocks.
 
 mod blocks;
+mod half_bits;
 mod header;
 mod read;
 mod write;

@@ -5,7 +5,6 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use exr::compression::Compression as Packing;
 use half::f16;
-use half::slice::HalfFloatSliceExt;
 use rayon::prelude::*;
 use warploom_core::node::NodeError;
 use warploom_core::value::{Image, Layer, Metadata, Plane, Rect, SampleType};
@@ -13,6 +12,7 @@ use warploom_core::value::{Image, Layer, Metadata, Plane, Rect, SampleType};
 use super::super::host::Host;
 use super::super::{Compression, Depth, MAX_SIDE, WriteOptions};
 use super::blocks::Blocks;
+use super::half_bits;
 use super::header::{self, ATTRIBUTE, COMPRESSION, ChannelHeader, Part};
 
 /// Bytes of blocks that are packed side by side, if that is more than a block for each thread.
@@ -24,6 +24,10 @@ const BLOCK_HEAD: usize = 12;
 /// Writes all layers that have channels, each as a part of scan lines with its channels sorted by name. Parts of a
 /// file must have names that differ: one that is empty or taken becomes `partN`. A layer without pixels becomes one
 /// zero pixel at the top left of the display window, which looks the same.
+///
+/// Attributes come out as they are, but for those that say how samples lie in the file: tiles become lines, from top to
+/// bottom, at full resolution, so `tiles`, `lineOrder`, `chunkCount` and `type` are made anew, and `compression` is as
+/// the options say. `screenWindowCenter` and `screenWindowWidth`, which must be there, are added where they are missing.
 pub fn write(image: &Image, options: &WriteOptions, host: &dyn Host) -> Result<Vec<u8>, NodeError> {
     let layers: Vec<&Layer> = image.layers.iter().filter(|layer| !layer.channels.is_empty()).collect();
     if layers.is_empty() {
@@ -82,16 +86,17 @@ impl<'a> Source<'a> {
                 .hint("rename one where it is made"));
         }
         let planes = channels.iter().map(|channel| Some(&channel.plane).filter(|_| !is_empty)).collect();
-        let channels = channels.iter().map(|channel| ChannelHeader {
-            name: channel.name.to_string(),
-            sample_type: stored_type(&channel.plane, channel.sample_type, options.depth),
-            is_linear: false,
-        });
         // Here, among a part's attributes, in its header, which grows by doubling, and in the file's.
         let attributes = image.metadata.values().chain(layer.metadata.values());
         host.reserve(attributes.map(|attribute| 6 * (attribute.bytes.len() + ATTRIBUTE) as u128).sum())?;
         let mut metadata = Metadata::clone(&image.metadata);
         metadata.extend(layer.metadata.iter().map(|(name, attribute)| (name.clone(), attribute.clone())));
+        let linear = header::linear_channels(&metadata);
+        let channels = channels.iter().map(|channel| ChannelHeader {
+            name: channel.name.to_string(),
+            sample_type: stored_type(&channel.plane, channel.sample_type, options.depth),
+            is_linear: linear.iter().any(|name| **name == *channel.name),
+        });
         let part = Part {
             name: layer.name.to_string(),
             display: image.display,
@@ -130,7 +135,7 @@ impl<'a> Source<'a> {
                     (None, _) => samples.extend([0; 4]),
                     (Some(Plane::U32(plane)), _) => samples.extend(plane.row(y).iter().flat_map(|v| v.to_ne_bytes())),
                     (Some(Plane::F32(plane)), SampleType::Half) => {
-                        halves.convert_from_f32_slice(plane.row(y));
+                        half_bits::narrow(plane.row(y), &mut halves);
                         samples.extend(halves.iter().flat_map(|v| v.to_ne_bytes()));
                     }
                     (Some(Plane::F32(plane)), _) => samples.extend(plane.row(y).iter().flat_map(|v| v.to_ne_bytes())),
