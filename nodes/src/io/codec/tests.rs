@@ -288,7 +288,8 @@ fn a_png_is_the_one_that_the_png_crate_writes() {
         let wide = pixels::Samples::U16(words);
         for (samples, color) in [(pixels::Samples::U8(bytes[..bytes.len() / 2].to_vec()), colors[0]), (wide, colors[1])]
         {
-            let pixels = pixels::Pixels { width, height, alpha: pixels::Alpha::None, samples };
+            let (alpha, coding) = (pixels::Alpha::None, coding::Coding::Raw);
+            let pixels = pixels::Pixels { width, height, alpha, coding, samples };
             let raw = if pixels.sample_bytes() == 1 { &bytes[..bytes.len() / 2] } else { &bytes };
             let mut expected = Vec::new();
             PngEncoder::new_with_quality(&mut expected, CompressionType::Default, FilterType::Adaptive)

@@ -1,25 +1,33 @@
 //! TIFF, by way of the tiff crate: it tells how alpha is associated, and has grey floats.
 
+use std::borrow::Cow;
 use std::io::Cursor;
 
 use tiff::ColorType;
 use tiff::TiffError;
 use tiff::decoder::{Decoder, DecodingResult, Limits};
 use tiff::encoder::{TiffEncoder, TiffValue, colortype};
-use tiff::tags::{ExtraSamples, PhotometricInterpretation, SampleFormat, Tag};
+use tiff::tags::{ExtraSamples, PhotometricInterpretation, SampleFormat, Tag, Type};
 use warploom_core::node::{ErrorClass, NodeError};
 use warploom_core::value::{Image, SampleType};
 
+use super::coding::Coding;
 use super::host::{Host, Source};
 use super::pixels::{Alpha, Pixels, Samples, deepest};
-use super::{Depth, WriteOptions, check_size, plane_bytes, rest, start, unreadable, unsupported};
+use super::{
+    Depth, Encoding, WriteOptions, check_size, icc, plane_bytes, rest, start, tags, unreadable, unsupported,
+};
 
 /// Reads the first picture of a TIFF: grey or RGB, with alpha or without, 8 or 16 bits or float.
-pub fn read(bytes: &[u8], host: &dyn Host) -> Result<Pixels, NodeError> {
+pub fn read(bytes: &[u8], encoding: Encoding, host: &dyn Host) -> Result<Pixels, NodeError> {
     let mut decoder = Decoder::new(Source::new(bytes, host)).map_err(tiff_error)?;
     let (width, height) = decoder.dimensions().map_err(tiff_error)?;
     check_size(width.into(), height.into())?;
     let (count, bits) = layout(&mut decoder)?;
+    let is_float = bits == 32;
+    let coding =
+        Coding::of_file(encoding, is_float, || tags::tiff::coding(&mut decoder, count < 3, is_float, host))?;
+    let orientation = tags::tiff::orientation(&mut decoder)?;
     let alpha = match (count, decoder.find_tag_unsigned_vec::<u16>(Tag::ExtraSamples).map_err(tiff_error)?) {
         (1 | 3, _) => Alpha::None,
         (_, Some(extra)) if extra.first() == Some(&ExtraSamples::AssociatedAlpha.to_u16()) => Alpha::Premultiplied,
@@ -46,9 +54,9 @@ pub fn read(bytes: &[u8], host: &dyn Host) -> Result<Pixels, NodeError> {
         DecodingResult::F32(samples) => Samples::F32(interleaved(samples, planar, count, host)?),
         _ => return Err(unsupported(format!("TIFF samples of {bits} bits of this sort cannot be read"))),
     };
-    let pixels = Pixels { width: width as usize, height: height as usize, alpha, samples };
+    let pixels = Pixels { width: width as usize, height: height as usize, alpha, coding, samples };
     match pixels.samples_per_pixel() == count {
-        true => Ok(pixels),
+        true => pixels.upright(orientation, host),
         false => Err(unreadable("the file is damaged: it holds fewer samples than it says")),
     }
 }
@@ -136,6 +144,9 @@ where
     let mut write = || {
         let mut encoder = TiffEncoder::new(&mut bytes)?;
         let mut picture = encoder.new_image::<C>(pixels.width as u32, pixels.height as u32)?;
+        if let Some(profile) = icc::written(&pixels.coding, pixels.samples_per_pixel() < 3) {
+            picture.encoder().write_tag(Tag::IccProfile, Untyped(&profile))?;
+        }
         match pixels.alpha {
             Alpha::None => {}
             Alpha::Straight => picture.extra_samples(&[ExtraSamples::UnassociatedAlpha])?,
@@ -154,7 +165,23 @@ where
     Ok(written.map(|()| bytes.into_inner()))
 }
 
-fn tiff_error(error: TiffError) -> NodeError {
+/// Bytes that a TIFF calls undefined, as it wants profiles to be.
+struct Untyped<'a>(&'a [u8]);
+
+impl TiffValue for Untyped<'_> {
+    const BYTE_LEN: u8 = 1;
+    const FIELD_TYPE: Type = Type::UNDEFINED;
+
+    fn count(&self) -> usize {
+        self.0.len()
+    }
+
+    fn data(&self) -> Cow<'_, [u8]> {
+        Cow::Borrowed(self.0)
+    }
+}
+
+pub fn tiff_error(error: TiffError) -> NodeError {
     let message = error.to_string().replace('\n', " ");
     match error {
         TiffError::UnsupportedError(_) => unsupported(message),
