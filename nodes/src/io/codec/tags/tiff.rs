@@ -23,17 +23,17 @@ pub fn coding(
     is_float: bool,
     host: &dyn Host,
 ) -> Result<Option<Coding>, NodeError> {
-    if let Some(entry) = decoder.find_entry(Tag::IccProfile) {
+    if let Some(entry) = decoder.image_ifd().find_entry(Tag::IccProfile) {
         let size = entry.count() as usize;
         if size > MAX_PROFILE {
             return Err(refused(format!("its ICC profile is longer than {} MiB", MAX_PROFILE >> 20)));
         }
         host.reserve(size as u128)?;
         let mut profile = vec![0; size];
-        decoder.find_tag_bytes(Tag::IccProfile, &mut profile, 0).map_err(tiff_error)?;
+        decoder.image_ifd().find_tag_bytes(Tag::IccProfile, &mut profile, 0).map_err(tiff_error)?;
         return icc::read(&profile, is_grey).map(Some);
     }
-    if decoder.find_entry(TRANSFER_FUNCTION).is_some() {
+    if decoder.image_ifd().find_entry(TRANSFER_FUNCTION).is_some() {
         return Err(refused("its TransferFunction cannot be honoured"));
     }
     let mut points = |tag| -> Result<Option<Vec<f64>>, NodeError> {
