@@ -2,9 +2,7 @@
 //!
 //! Only the tags that colour needs are read, whatever else a profile holds and however it is damaged there.
 
-use warploom_algo::colorimetry::{
-    Curve, D50, Matrix, is_identity, pcs_from_d65, pcs_from_rec709, rec709_from_pcs,
-};
+use warploom_algo::colorimetry::{Curve, D50, Matrix, is_identity, pcs_from_d65, pcs_from_rec709, rec709_from_pcs};
 use warploom_core::node::NodeError;
 
 use super::coding::{Coding, refused};
@@ -229,3 +227,6 @@ fn text(text: &str) -> Vec<u8> {
     words.resize(words.len().next_multiple_of(4), 0);
     [b"mluc\0\0\0\0\0\0\0\x01\0\0\0\x0cenUS", &length[..], &[0, 0, 0, 28], &words].concat()
 }
+
+#[cfg(test)]
+mod tests;

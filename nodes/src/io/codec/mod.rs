@@ -208,4 +208,6 @@ fn check_size(width: u64, height: u64) -> Result<(), NodeError> {
 }
 
 #[cfg(test)]
+mod round_trips;
+#[cfg(test)]
 mod tests;

@@ -93,7 +93,8 @@ pub fn write_jpeg(image: &Image, options: &WriteOptions, host: &dyn Host) -> Res
 /// Samples between two looks at the host.
 const RUN: usize = 1 << 18;
 
-/// Just below the largest number that RGBE holds.
+/// Just above the smallest number and below the largest that RGBE holds with all its digits.
+const HDR_MIN: f32 = 3.0e-39;
 const HDR_MAX: f32 = 1.0e38;
 
 /// Writes a Radiance HDR; grey becomes three equal colours.
@@ -104,9 +105,9 @@ pub fn write_hdr(image: &Image, options: &WriteOptions, host: &dyn Host) -> Resu
         *samples = samples.iter().flat_map(|&y| [y; 3]).collect();
     }
     if let Samples::F32(samples) = &mut pixels.samples {
-        // The format's exponent ends below 2^127; it has no place for what is negative or no number.
+        // The format's exponent ends below 2^127; it has no place for what is negative, tinier, or no number.
         samples.par_chunks_mut(RUN).try_for_each(|run| {
-            run.iter_mut().for_each(|sample| *sample = if *sample > 0.0 { sample.min(HDR_MAX) } else { 0.0 });
+            run.iter_mut().for_each(|sample| *sample = if *sample > HDR_MIN { sample.min(HDR_MAX) } else { 0.0 });
             host.go_on()
         })?;
     }

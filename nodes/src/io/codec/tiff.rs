@@ -14,9 +14,7 @@ use warploom_core::value::{Image, SampleType};
 use super::coding::Coding;
 use super::host::{Host, Source};
 use super::pixels::{Alpha, Pixels, Samples, deepest};
-use super::{
-    Depth, Encoding, WriteOptions, check_size, icc, plane_bytes, rest, start, tags, unreadable, unsupported,
-};
+use super::{Depth, Encoding, WriteOptions, check_size, icc, plane_bytes, rest, start, tags, unreadable, unsupported};
 
 /// Reads the first picture of a TIFF: grey or RGB, with alpha or without, 8 or 16 bits or float.
 pub fn read(bytes: &[u8], encoding: Encoding, host: &dyn Host) -> Result<Pixels, NodeError> {
@@ -25,8 +23,7 @@ pub fn read(bytes: &[u8], encoding: Encoding, host: &dyn Host) -> Result<Pixels,
     check_size(width.into(), height.into())?;
     let (count, bits) = layout(&mut decoder)?;
     let is_float = bits == 32;
-    let coding =
-        Coding::of_file(encoding, is_float, || tags::tiff::coding(&mut decoder, count < 3, is_float, host))?;
+    let coding = Coding::of_file(encoding, is_float, || tags::tiff::coding(&mut decoder, count < 3, is_float, host))?;
     let orientation = tags::tiff::orientation(&mut decoder)?;
     let alpha = match (count, decoder.find_tag_unsigned_vec::<u16>(Tag::ExtraSamples).map_err(tiff_error)?) {
         (1 | 3, _) => Alpha::None,

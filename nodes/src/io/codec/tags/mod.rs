@@ -8,3 +8,6 @@ pub mod tiff;
 
 /// Bytes of the longest colour profile that is read.
 const MAX_PROFILE: usize = 16 << 20;
+
+#[cfg(test)]
+mod tests;

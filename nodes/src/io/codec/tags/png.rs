@@ -45,7 +45,8 @@ pub fn orientation(bytes: &[u8]) -> u16 {
 fn find<'a>(bytes: &'a [u8], name: &[u8; 4]) -> Result<Option<&'a [u8]>, NodeError> {
     let mut rest = bytes.get(8..).unwrap_or_default();
     while let Some((length, tail)) = rest.split_first_chunk() {
-        let Some((chunk, tail)) = tail.split_at_checked((u32::from_be_bytes(*length) as usize).saturating_add(4)) else {
+        let Some((chunk, tail)) = tail.split_at_checked((u32::from_be_bytes(*length) as usize).saturating_add(4))
+        else {
             break;
         };
         let Some((checksum, tail)) = tail.split_first_chunk() else { break };
@@ -131,7 +132,8 @@ fn rec709_curve() -> Curve {
 
 /// The chunks that say a named coding: names and contents.
 pub fn chunks(coding: &Coding) -> Vec<([u8; 4], Vec<u8>)> {
-    let hundred_thousandths = |values: &[f64]| values.iter().flat_map(|v| ((v * 1e5).round() as u32).to_be_bytes()).collect();
+    let hundred_thousandths =
+        |values: &[f64]| values.iter().flat_map(|v| ((v * 1e5).round() as u32).to_be_bytes()).collect();
     let Chromaticities { primaries: [[rx, ry], [gx, gy], [bx, by]], white: [wx, wy] } = REC_709;
     let primaries = (*b"cHRM", hundred_thousandths(&[wx, wy, rx, ry, gx, gy, bx, by]));
     match coding {

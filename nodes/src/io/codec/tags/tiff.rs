@@ -36,9 +36,8 @@ pub fn coding(
     if decoder.image_ifd().find_entry(TRANSFER_FUNCTION).is_some() {
         return Err(refused("its TransferFunction cannot be honoured"));
     }
-    let mut points = |tag| -> Result<Option<Vec<f64>>, NodeError> {
-        Ok(decoder.find_tag(tag).map_err(tiff_error)?.map(fractions))
-    };
+    let mut points =
+        |tag| -> Result<Option<Vec<f64>>, NodeError> { Ok(decoder.find_tag(tag).map_err(tiff_error)?.map(fractions)) };
     let (primaries, white) = (points(PRIMARY_CHROMATICITIES)?, points(WHITE_POINT)?);
     let (Some(primaries), false) = (primaries, is_grey) else { return Ok(None) };
     let white = white.unwrap_or(REC_709.white.to_vec());
