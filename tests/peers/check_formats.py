@@ -223,7 +223,7 @@ def check_png(bench):
         Image.fromarray(array).save(path)
         bench.load(path, equal(np.float32(array / 255.0), what="PNG"), "Raw")
     for bits in (1, 2, 4, 8):
-        image = Image.fromarray(every % (1 << bits), "P")
+        image = Image.frombytes("P", (16, 16), (every & (1 << bits) - 1).tobytes())
         image.putpalette([(i * 37) % 256 for i in range(3 << bits)])
         path = bench.path("png")
         image.save(path, bits=bits, transparency=bytes(range(1 << bits)))
@@ -253,10 +253,7 @@ def check_tiff(bench):
                             pixels = RANDOM.integers(0, int(largest) + 1, pixels.shape).astype(kind)
                         path = bench.path("tif")
                         out = oiio.ImageOutput.create(str(path))
-                        write = out.write_tiles if tile else out.write_image
-                        assert out.open(str(path), spec), out.geterror()
-                        done = write(0, 33, 0, 21, 0, 1, pixels[None]) if tile else write(pixels)
-                        assert done, out.geterror()
+                        assert out.open(str(path), spec) and out.write_image(pixels), out.geterror()
                         out.close()
                         expected = np.float32(pixels / largest) if largest > 1 else pixels
                         bench.load(path, equal(expected, what=f"TIFF {kind} {channels} {compression} {planes} {tile}"), "Raw")

@@ -119,6 +119,7 @@ impl Pixels {
                 self.planes(samples, |c, pixel| table[at(pixel[c])], alpha, host)
             }
             Coding::Profile(profile) => {
+                host.reserve(3 * (u128::from(max) + 1) * size_of::<f64>() as u128)?;
                 let levels = profile.levels(max);
                 let color = |c, pixel: &[T]| profile.mixed(c, |k| levels[k][at(pixel[k])]);
                 self.planes(samples, color, alpha, host)
