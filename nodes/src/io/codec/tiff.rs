@@ -5,9 +5,11 @@ use std::io::Cursor;
 
 use tiff::ColorType;
 use tiff::TiffError;
-use tiff::decoder::{Decoder, DecodingResult, Limits};
+use tiff::decoder::{ChunkType, Decoder, DecodingResult, Limits};
 use tiff::encoder::{TiffEncoder, TiffValue, colortype};
-use tiff::tags::{ExtraSamples, PhotometricInterpretation, SampleFormat, Tag, Type};
+use tiff::tags::{
+    CompressionMethod, ExtraSamples, PhotometricInterpretation, PlanarConfiguration, SampleFormat, Tag, Type,
+};
 use warploom_core::node::{ErrorClass, NodeError};
 use warploom_core::value::{Image, SampleType};
 
@@ -43,7 +45,7 @@ pub fn read(bytes: &[u8], encoding: Encoding, host: &dyn Host) -> Result<Pixels,
     limits.intermediate_buffer_size = usize::try_from(scratch).unwrap_or(usize::MAX);
     let mut decoder = decoder.with_limits(limits);
     let mut result = DecodingResult::U8(Vec::new());
-    let read = decoder.read_image_to_buffer(&mut result).map_err(tiff_error)?;
+    let read = decoder.read_image_to_buffer(&mut result).map_err(|e| damaged(e, &mut decoder))?;
     let planar = read.planes > 1;
     let samples = match result {
         DecodingResult::U8(samples) => Samples::U8(interleaved(samples, planar, count, host)?),
@@ -55,6 +57,19 @@ pub fn read(bytes: &[u8], encoding: Encoding, host: &dyn Host) -> Result<Pixels,
     match pixels.samples_per_pixel() == count {
         true => pixels.upright(orientation, host),
         false => Err(unreadable("the file is damaged: it holds fewer samples than it says")),
+    }
+}
+
+/// What is wrong with a file, or with its decoder: that loses the end of tiles of LZW at the picture's edge.
+fn damaged(error: TiffError, decoder: &mut Decoder<Source>) -> NodeError {
+    let compression = decoder.find_tag_unsigned::<u16>(Tag::Compression);
+    let is_lzw = matches!(compression, Ok(Some(method)) if method == CompressionMethod::LZW.to_u16());
+    match decoder.get_chunk_type() {
+        ChunkType::Tile if is_lzw => {
+            unsupported("tiles of LZW cannot be read where they reach over the picture's edge")
+                .hint("pack it otherwise: oiiotool in.tif --compression zip -o out.tif")
+        }
+        _ => tiff_error(error),
     }
 }
 
@@ -75,6 +90,12 @@ fn layout(decoder: &mut Decoder<Source>) -> Result<(usize, u8), NodeError> {
                 .hint("convert it to RGB: oiiotool in.tif --ch R,G,B -o out.tif"));
         }
     };
+    let planar = decoder.find_tag_unsigned::<u16>(Tag::PlanarConfiguration).map_err(tiff_error)?;
+    if decoder.get_chunk_type() == ChunkType::Tile && count > 1 && planar == Some(PlanarConfiguration::Planar.to_u16())
+    {
+        return Err(unsupported("a TIFF of tiles, plane by plane, cannot be read")
+            .hint("put its planes together: oiiotool in.tif --planarconfig contig -o out.tif"));
+    }
     match (bits, is_float) {
         (8 | 16, false) | (32, true) => Ok((count, bits)),
         _ => {
