@@ -11,6 +11,8 @@ use super::coding::{Coding, refused};
 const HEADER: usize = 128;
 /// Bytes of an entry of that table.
 const ENTRY: usize = 12;
+/// Entries of the longest table, one for each code of 16 bits.
+const MAX_ENTRIES: usize = 1 << 16;
 /// Letters of a name that a message shows.
 const NAME: usize = 80;
 
@@ -119,7 +121,7 @@ fn shown(signature: &[u8]) -> String {
 
 /// No entry is a straight line, one a power, more are values.
 fn table(tag: &[u8]) -> Option<Curve> {
-    let count = u32_at(tag, 8)? as usize;
+    let count = Some(u32_at(tag, 8)? as usize).filter(|&count| count <= MAX_ENTRIES)?;
     let entries = tag.get(12..count.checked_mul(2)?.checked_add(12)?)?.as_chunks().0;
     let entries = entries.iter().map(|&entry| f64::from(u16::from_be_bytes(entry)));
     Some(match count {

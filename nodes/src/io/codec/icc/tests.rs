@@ -114,6 +114,7 @@ fn what_cannot_be_honoured_is_told() {
         (assembled(b"GRAY", &[(b"kTRC", curv(&[]))]), false, "it is of GRAY colour, and the picture is RGB"),
         (rgb(&odd), false, "its primaries span no space"),
         (rgb(&p3(b"curv\0\0\0\0\xff\xff\xff\xff")), false, "its rTRC is damaged"),
+        (rgb(&p3(&curv(&[0; 65_537]))), false, "its rTRC is damaged"),
         (rgb(&p3(&para(9, &[1.0; 9]))), false, "its rTRC is damaged"),
         (vec![0; 200], false, "without a name cannot be honoured: it is damaged"),
         (Vec::new(), true, "it is damaged"),
