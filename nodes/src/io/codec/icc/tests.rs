@@ -42,7 +42,7 @@ fn what_is_written_is_read_as_what_it_was() {
         let profile = written(coding, is_grey).expect("it has a profile");
         assert_eq!(read(&profile, is_grey), Ok(coding.clone()));
         assert_eq!(u32_at(&profile, 0), Some(profile.len() as u32));
-        assert!(profile.len() % 4 == 0 && profile.len() < 800, "{}", profile.len());
+        assert!(profile.len().is_multiple_of(4) && profile.len() < 800, "{}", profile.len());
     }
     assert_eq!(written(&Coding::Raw, false), None);
 }
