@@ -215,12 +215,13 @@ def check_refusals(bench):
     bench.refused(path, ["CMYK"])
     for channels, compression, planes, words in ((3, "none", "separate", "plane by plane"), (1, "lzw", "contig", "LZW")):
         path = bench.path("tif")
+        pixels = RANDOM.integers(0, 256, (21, 33, channels)).astype(np.uint8)
         spec = oiio.ImageSpec(33, 21, channels, "uint8")
         spec["compression"], spec["planarconfig"] = compression, planes
         spec.tile_width = spec.tile_height = 16
         spec.tile_depth = 1
         out = oiio.ImageOutput.create(str(path))
-        assert out.open(str(path), spec) and out.write_image(np.zeros((21, 33, channels), np.uint8)), out.geterror()
+        assert out.open(str(path), spec) and out.write_image(pixels), out.geterror()
         out.close()
         bench.refused(path, [words, "oiiotool"])
     print(f"{bench.refusals} files are refused, and told why")
