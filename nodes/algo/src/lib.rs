@@ -6,6 +6,7 @@
 
 mod bins;
 pub mod card;
+pub mod colorimetry;
 pub mod components;
 pub mod composite;
 pub mod detail;

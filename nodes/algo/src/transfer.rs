@@ -20,7 +20,7 @@ pub enum Encoding {
 /// One power function of f64. IEC 61966-2-1, 5.2.
 pub fn srgb_to_linear(value: f32) -> f32 {
     let v = f64::from(value).abs();
-    (linear(v) as f32).copysign(value)
+    (srgb_to_linear_f64(v) as f32).copysign(value)
 }
 
 /// sRGB-encoded value of a linear one: the inverse of [`srgb_to_linear`].
@@ -33,7 +33,11 @@ pub fn linear_to_srgb(value: f32) -> f32 {
     (encoded as f32).copysign(value)
 }
 
-fn linear(v: f64) -> f64 {
+/// Linear value of an sRGB-encoded one, in f64.
+///
+/// `v`: not negative; 0..=1 is the standard's range, above it the power goes on. NaN stays NaN. One power function.
+/// IEC 61966-2-1, 5.2.
+pub fn srgb_to_linear_f64(v: f64) -> f64 {
     if v <= 0.04045 { v / 12.92 } else { libm::pow((v + 0.055) / 1.055, 2.4) }
 }
 
@@ -42,7 +46,7 @@ fn linear(v: f64) -> f64 {
 /// `max`: the code of white, 255 or 65535. Gives `max + 1` values, rising from 0 to 1.
 /// One power function per code.
 pub fn srgb_table(max: u16) -> Vec<f32> {
-    (0..=max).map(|code| linear(f64::from(code) / f64::from(max)) as f32).collect()
+    (0..=max).map(|code| srgb_to_linear_f64(f64::from(code) / f64::from(max)) as f32).collect()
 }
 
 /// The value of every integer code without a transfer function: element `c` is `c / max`.
@@ -58,7 +62,7 @@ pub fn code_table(max: u16) -> Vec<f32> {
 /// `max`: the code of white, 255 or 65535. Gives `max` values, rising, for [`srgb_code`]. Every code comes back:
 /// `srgb_code(&srgb_thresholds(max), srgb_table(max)[c]) == c`. One power function per code.
 pub fn srgb_thresholds(max: u16) -> Vec<f32> {
-    (0..max).map(|code| linear((f64::from(code) + 0.5) / f64::from(max)) as f32).collect()
+    (0..max).map(|code| srgb_to_linear_f64((f64::from(code) + 0.5) / f64::from(max)) as f32).collect()
 }
 
 /// The integer code nearest to a linear value in the encoded domain.

@@ -8,14 +8,29 @@ use super::codec::{self, Encoding, NodeHost};
 
 /// Reads a picture: EXR, PNG, JPEG, TIFF or Radiance HDR, by the content of the file.
 ///
-/// The result is scene-linear and premultiplied. An EXR keeps all its layers, channels, windows and attributes; of a
-/// mip map the full resolution is read, and nothing is unpacked that no node looks at. Other files give one layer with channels `R`, `G`, `B` or `Y`, and `A`.
+/// The result is scene-linear, with the primaries of Rec.709, and premultiplied. An EXR keeps all its layers, channels,
+/// windows and attributes; of a mip map the full resolution is read, and nothing is unpacked that no node looks at.
+/// Other files give one layer with channels `R`, `G`, `B` or `Y`, and `A`.
+///
+/// What these files say of their colour is honoured, or the file is refused:
+///
+/// - PNG: the first there is of the chunks cICP, iCCP, sRGB, and gAMA with cHRM. PQ and HLG are refused.
+/// - JPEG: an ICC profile, else the colour space of Exif: sRGB or Adobe RGB. Inks (CMYK) are refused.
+/// - TIFF: an ICC profile, else PrimaryChromaticities; TransferFunction is refused. WhiteIsZero is turned round.
+/// - Radiance HDR: EXPOSURE and COLORCORR are divided out, PRIMARIES and PIXASPECT honoured; XYZE and a GAMMA other
+///   than 1 are refused.
+/// - ICC profiles may be of curves and a matrix, for RGB or grey; tables of colours, Lab and inks are refused. They
+///   are taken relative to white. Values outside 0..1 stay.
+///
+/// A picture of another orientation (Exif of JPEG and PNG, a TIFF's tag) is turned upright, whatever `encoding` is.
+/// What else such files hold is left behind: texts, dates, densities, places, thumbnails, further pictures.
 #[derive(Clone, Serialize, Deserialize, JsonSchema, SmartDefault)]
 #[serde(default, deny_unknown_fields)]
 pub struct Load {
     /// The file; `####` stands for the frame.
     pub path: ReadPath,
-    /// How colour is stored in the file. In an EXR it applies to `R`, `G`, `B` and `Y` of the first layer.
+    /// How colour is stored in the file. `Auto` believes the file, any other overrules it. In an EXR it applies to `R`,
+    /// `G`, `B` and `Y` of the first layer.
     pub encoding: Encoding,
 }
 

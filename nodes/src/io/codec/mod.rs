@@ -3,13 +3,16 @@
 //! Nothing here knows paths or nodes. Whatever a file claims is checked, and reserved with the caller, before memory
 //! is taken for it; a decoder that panics is an unreadable file.
 
+mod coding;
 mod color;
 mod exr;
 mod format;
 mod host;
+mod icc;
 mod pixels;
 mod png;
 mod raster;
+mod tags;
 mod tiff;
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -28,10 +31,11 @@ use warploom_core::value::{Channel, Image, Layer, Plane, SampleType, Value, Wind
 /// How colour is stored in a file. Alpha is linear in every encoding.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub enum Encoding {
-    /// `Srgb` where a file holds integers, `Linear` where it holds floats.
+    /// What the file says of itself: by a profile, or tags. Where it says nothing, and when it is written: `Srgb`
+    /// where a file holds integers, `Linear` where it holds floats.
     #[default]
     Auto,
-    /// Scene-linear: no transfer function.
+    /// Scene-linear, Rec.709 primaries: no transfer function.
     Linear,
     /// The sRGB transfer function (IEC 61966-2-1).
     Srgb,
@@ -103,7 +107,8 @@ pub(crate) const MAX_SIDE: usize = 65_536;
 
 /// The picture in the bytes of a file, whose format its first bytes tell.
 ///
-/// The result is scene-linear and premultiplied, unless `encoding` is `Raw`. Messages name no path.
+/// The result is scene-linear, with Rec.709 primaries, and premultiplied, unless `encoding` is `Raw`. Messages name no
+/// path.
 pub fn decode(bytes: &[u8], encoding: Encoding, host: &dyn Host) -> Result<Image, NodeError> {
     decode_wanted(bytes, encoding, &Reads::All, host)
 }
@@ -125,11 +130,15 @@ fn unpacked(bytes: &[u8], encoding: Encoding, wanted: Option<&[String]>, host: &
             let needed = wanted.map(|names| color::needed(names, encoding));
             exr::read(bytes, needed.as_deref(), &start(host)).and_then(|i| color::decode(i, encoding, &rest(host)))
         }
-        [0x89, b'P', b'N', b'G', ..] => raster::read_png(bytes, &start(host))?.into_image(encoding, &rest(host)),
-        [0xff, 0xd8, 0xff, ..] => raster::read_jpeg(bytes, &start(host))?.into_image(encoding, &rest(host)),
-        [b'#', b'?', ..] => raster::read_hdr(bytes, &start(host))?.into_image(encoding, &rest(host)),
+        [0x89, b'P', b'N', b'G', ..] => raster::read_png(bytes, encoding, &start(host))?.into_image(&rest(host)),
+        [0xff, 0xd8, 0xff, ..] => raster::read_jpeg(bytes, encoding, &start(host))?.into_image(&rest(host)),
+        [b'#', b'?', ..] => {
+            let pixel_aspect = tags::hdr::pixel_aspect(bytes)?;
+            let image = raster::read_hdr(bytes, encoding, &start(host))?.into_image(&rest(host))?;
+            Ok(Image { pixel_aspect, ..image })
+        }
         [b'I', b'I', 42 | 43, 0, ..] | [b'M', b'M', 0, 42 | 43, ..] => {
-            tiff::read(bytes, &start(host))?.into_image(encoding, &rest(host))
+            tiff::read(bytes, encoding, &start(host))?.into_image(&rest(host))
         }
         [_] | [_, _] | [_, _, _] => Err(unreadable("the file ends after less than 4 bytes")),
         _ => Err(unsupported("the file is of no format that can be read")
@@ -215,5 +224,7 @@ fn check_size(width: u64, height: u64) -> Result<(), NodeError> {
     Err(unsupported(format!("the picture is {width} x {height} px; a side may be 1 to {MAX_SIDE} px long")))
 }
 
+#[cfg(test)]
+mod round_trips;
 #[cfg(test)]
 mod tests;

@@ -5,6 +5,7 @@ use warploom_algo::transfer;
 use warploom_core::node::NodeError;
 use warploom_core::value::{Buffer, Channel, Image, Layer, Plane, Rect, SampleType};
 
+use super::coding::Coding;
 use super::color::fill;
 use super::host::Host;
 use super::{Depth, Encoding, MAX_SIDE, plane_bytes};
@@ -37,6 +38,7 @@ pub struct Pixels {
     pub width: usize,
     pub height: usize,
     pub alpha: Alpha,
+    pub coding: Coding,
     pub samples: Samples,
 }
 
@@ -63,30 +65,36 @@ impl Pixels {
         }
     }
 
-    /// The picture, scene-linear and premultiplied unless `encoding` is `Raw`. Its channels are `R`, `G`, `B` or
+    /// The pixels as they are to be seen, of `orientation` 1..=8 as Exif numbers it.
+    ///
+    /// The second copy takes no more than the planes of the picture will.
+    pub fn upright(self, orientation: u16, host: &dyn Host) -> Result<Self, NodeError> {
+        if orientation == 1 {
+            return Ok(self);
+        }
+        let (width, height, count) = (self.width, self.height, self.samples_per_pixel());
+        let samples = match self.samples {
+            Samples::U8(samples) => Samples::U8(upright(&samples, width, height, count, orientation, host)?),
+            Samples::U16(samples) => Samples::U16(upright(&samples, width, height, count, orientation, host)?),
+            Samples::F32(samples) => Samples::F32(upright(&samples, width, height, count, orientation, host)?),
+        };
+        let (width, height) = if orientation < 5 { (width, height) } else { (height, width) };
+        Ok(Self { width, height, samples, ..self })
+    }
+
+    /// The picture, scene-linear and premultiplied unless its coding is `Raw`. Its channels are `R`, `G`, `B` or
     /// `Y`, then `A`.
-    pub fn into_image(self, encoding: Encoding, host: &dyn Host) -> Result<Image, NodeError> {
+    pub fn into_image(self, host: &dyn Host) -> Result<Image, NodeError> {
         let count = self.samples_per_pixel();
         assert_eq!(count * self.width * self.height, self.len(), "{} x {} pixels", self.width, self.height);
         host.reserve(count as u128 * plane_bytes(self.width, self.height))?;
-        let planes = match &self.samples {
-            Samples::U8(samples) => {
-                let (color, plain) = tables(u8::MAX.into(), encoding);
-                self.planes(samples, encoding, |c| color[usize::from(c)], |c| plain[usize::from(c)], host)?
+        let (planes, sample_type) = match &self.samples {
+            Samples::U8(samples) => (self.of_codes(samples, u8::MAX.into(), usize::from, host)?, SampleType::U8),
+            Samples::U16(samples) => (self.of_codes(samples, u16::MAX, usize::from, host)?, SampleType::U16),
+            Samples::F32(samples) => {
+                let color = |c: usize, pixel: &[f32]| self.coding.linear(c, |k| pixel[k]);
+                (self.planes(samples, color, |v| v, host)?, SampleType::Float)
             }
-            Samples::U16(samples) => {
-                let (color, plain) = tables(u16::MAX, encoding);
-                self.planes(samples, encoding, |c| color[usize::from(c)], |c| plain[usize::from(c)], host)?
-            }
-            Samples::F32(samples) if encoding == Encoding::Srgb => {
-                self.planes(samples, encoding, transfer::srgb_to_linear, |v| v, host)?
-            }
-            Samples::F32(samples) => self.planes(samples, encoding, |v| v, |v| v, host)?,
-        };
-        let sample_type = match &self.samples {
-            Samples::U8(_) => SampleType::U8,
-            Samples::U16(_) => SampleType::U16,
-            Samples::F32(_) => SampleType::Float,
         };
         let names = names(count, self.alpha != Alpha::None);
         let channels = names.iter().zip(planes);
@@ -94,51 +102,69 @@ impl Pixels {
         Ok(Image::new(Rect::at(0, 0, self.width, self.height), channels.collect()))
     }
 
-    /// Colour planes by `color`, then alpha by `plain`. An encoding is one of straight colour.
+    /// The planes of codes `0..=max`, by tables of them.
+    fn of_codes<T: Copy + Sync>(
+        &self,
+        samples: &[T],
+        max: u16,
+        at: fn(T) -> usize,
+        host: &dyn Host,
+    ) -> Result<Vec<Plane>, NodeError> {
+        let plain = transfer::code_table(max);
+        let alpha = |sample| plain[at(sample)];
+        match &self.coding {
+            Coding::Raw | Coding::Linear => self.planes(samples, |c, pixel| plain[at(pixel[c])], alpha, host),
+            Coding::Srgb => {
+                let table = transfer::srgb_table(max);
+                self.planes(samples, |c, pixel| table[at(pixel[c])], alpha, host)
+            }
+            Coding::Profile(profile) => {
+                host.reserve(3 * (u128::from(max) + 1) * size_of::<f64>() as u128)?;
+                let levels = profile.levels(max);
+                let color = |c, pixel: &[T]| profile.mixed(c, |k| levels[k][at(pixel[k])]);
+                self.planes(samples, color, alpha, host)
+            }
+        }
+    }
+
+    /// Colour planes, then alpha by `plain`; `color(c, pixel)` is linear colour `c` of a pixel of straight ones.
     fn planes<T: Copy + Sync>(
         &self,
         samples: &[T],
-        encoding: Encoding,
-        color: impl Fn(T) -> f32 + Sync,
+        color: impl Fn(usize, &[T]) -> f32 + Sync,
         plain: impl Fn(T) -> f32 + Sync,
         host: &dyn Host,
     ) -> Result<Vec<Plane>, NodeError> {
         let (width, height, count) = (self.width, self.height, self.samples_per_pixel());
-        let row_of = |y: usize, c: usize| samples[y * width * count..][..width * count].iter().skip(c).step_by(count);
+        let pixels_of = |y: usize| samples[y * width * count..][..width * count].chunks_exact(count);
         let color_count = if self.alpha == Alpha::None { count } else { count - 1 };
         let alpha = (color_count < count).then(|| {
             fill(width, height, host, |y, row| {
-                row.iter_mut().zip(row_of(y, color_count)).for_each(|(v, &s)| *v = plain(s));
+                row.iter_mut().zip(pixels_of(y)).for_each(|(v, pixel)| *v = plain(pixel[color_count]));
             })
         });
         let alpha: Option<Buffer<f32>> = alpha.transpose()?;
-        let stored_straight = self.alpha == Alpha::Straight;
         let planes = (0..color_count).map(|c| {
             host.progress(c as f64 / count as f64)?;
-            fill(width, height, host, |y, row| {
-                let alpha = alpha.as_ref().filter(|_| encoding != Encoding::Raw).map(|alpha| alpha.row(y));
-                match alpha {
-                    Some(alpha) if !stored_straight => {
-                        // The table is of codes of straight colour, so the stored values go through a function.
-                        row.iter_mut().zip(row_of(y, c)).for_each(|(v, &s)| *v = plain(s));
-                        if self.is_encoded(encoding) {
-                            transfer::map_premultiplied(row, alpha, transfer::srgb_to_linear);
-                        }
-                    }
-                    alpha => {
-                        row.iter_mut().zip(row_of(y, c)).for_each(|(v, &s)| *v = color(s));
-                        if let Some(alpha) = alpha {
-                            transfer::premultiply(row, alpha);
-                        }
+            fill(width, height, host, |y, row| match self.alpha {
+                // The tables are of codes of straight colour, so stored values that are not go through a function.
+                Alpha::Premultiplied if !self.coding.is_linear() => {
+                    row.iter_mut().zip(pixels_of(y)).for_each(|(v, pixel)| {
+                        let alpha = plain(pixel[color_count]);
+                        *v = self.coding.linear_premultiplied(c, alpha, |k| plain(pixel[k]));
+                    });
+                }
+                _ => {
+                    row.iter_mut().zip(pixels_of(y)).for_each(|(v, pixel)| *v = color(c, pixel));
+                    if let (Alpha::Straight, Some(alpha)) = (self.alpha, &alpha)
+                        && self.coding != Coding::Raw
+                    {
+                        transfer::premultiply(row, alpha.row(y));
                     }
                 }
             })
         });
         planes.chain(alpha.clone().map(Ok)).map(|plane| plane.map(Plane::F32)).collect()
-    }
-
-    fn is_encoded(&self, encoding: Encoding) -> bool {
-        encoding == Encoding::Srgb || encoding == Encoding::Auto && !matches!(self.samples, Samples::F32(_))
     }
 
     /// The display window of a picture's primary colour, with alpha if `keep_alpha` and there is one; `depth` is
@@ -164,9 +190,9 @@ impl Pixels {
         };
         let count = color.len() + usize::from(alpha.is_some());
         host.reserve((width * height * count * sample_bytes) as u128)?;
-        let source = Source { image, color, alpha, straight: encoding != Encoding::Raw };
-        let encoded =
-            encoding == Encoding::Srgb || encoding == Encoding::Auto && matches!(depth, Depth::U8 | Depth::U16);
+        let coding = Coding::named(encoding, depth == Depth::Float);
+        let source = Source { image, color, alpha, straight: coding != Coding::Raw };
+        let encoded = coding == Coding::Srgb;
         let samples = match depth {
             Depth::U8 => Samples::U8(source.codes(u8::MAX.into(), encoded, |code| code as u8, host)?),
             Depth::U16 => Samples::U16(source.codes(u16::MAX, encoded, |code| code, host)?),
@@ -178,7 +204,7 @@ impl Pixels {
             (_, true) => Alpha::Straight,
             (_, false) => Alpha::Premultiplied,
         };
-        Ok(Self { width, height, alpha, samples })
+        Ok(Self { width, height, alpha, coding, samples })
     }
 }
 
@@ -280,13 +306,34 @@ fn names(count: usize, has_alpha: bool) -> &'static [&'static str] {
     }
 }
 
-/// Values of the codes of colour, and of alpha.
-fn tables(max: u16, encoding: Encoding) -> (Vec<f32>, Vec<f32>) {
-    let plain = transfer::code_table(max);
-    match encoding {
-        Encoding::Auto | Encoding::Srgb => (transfer::srgb_table(max), plain),
-        Encoding::Linear | Encoding::Raw => (plain.clone(), plain),
+/// Samples as they are to be seen, of `width` x `height` pixels as they are stored.
+fn upright<T: Copy>(
+    samples: &[T],
+    width: usize,
+    height: usize,
+    count: usize,
+    orientation: u16,
+    host: &dyn Host,
+) -> Result<Vec<T>, NodeError> {
+    let (across, down) = if orientation < 5 { (width, height) } else { (height, width) };
+    let stored = |x: usize, y: usize| match orientation {
+        2 => (width - 1 - x, y),
+        3 => (width - 1 - x, height - 1 - y),
+        4 => (x, height - 1 - y),
+        5 => (y, x),
+        6 => (y, height - 1 - x),
+        7 => (width - 1 - y, height - 1 - x),
+        8 => (width - 1 - y, x),
+        _ => (x, y),
+    };
+    let mut turned = Vec::with_capacity(samples.len());
+    for y in 0..down {
+        host.go_on()?;
+        for (x, y) in (0..across).map(|x| stored(x, y)) {
+            turned.extend_from_slice(&samples[(y * width + x) * count..][..count]);
+        }
     }
+    Ok(turned)
 }
 
 /// The deepest way the picture's colour was stored.

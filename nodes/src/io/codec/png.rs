@@ -9,6 +9,7 @@ use warploom_core::node::NodeError;
 
 use super::host::{Host, PIECE, Sink};
 use super::pixels::{Pixels, Samples};
+use super::tags;
 
 const SIGNATURE: [u8; 8] = [0x89, b'P', b'N', b'G', 0x0d, 0x0a, 0x1a, 0x0a];
 /// A chunk's length has 31 bits.
@@ -37,11 +38,14 @@ pub fn encode(pixels: &Pixels, host: &dyn Host) -> Result<Vec<u8>, NodeError> {
     let packed = packer.try_finish();
     let pieces = std::mem::replace(packer.get_mut(), Sink::new(host)).pieces()?;
     packed.map_err(|e| NodeError::refused(format!("cannot be encoded: {e}")))?;
-    let size = pieces.iter().map(Vec::len).sum::<usize>() + 12 * (pieces.len() + 2) + SIGNATURE.len() + 13;
+    let told = tags::png::chunks(&pixels.coding);
+    let told_bytes: usize = told.iter().map(|(_, content)| 12 + content.len()).sum();
+    let size = pieces.iter().map(Vec::len).sum::<usize>() + 12 * (pieces.len() + 2) + SIGNATURE.len() + 13 + told_bytes;
     host.reserve(size as u128)?;
     let mut file = Vec::with_capacity(size);
     file.extend(SIGNATURE);
     push_chunk(&mut file, *b"IHDR", &[header(pixels)]);
+    told.into_iter().for_each(|(name, content)| push_chunk(&mut file, name, &[content]));
     pieces.chunks(MAX_CHUNK / PIECE).for_each(|pieces| push_chunk(&mut file, *b"IDAT", pieces));
     push_chunk(&mut file, *b"IEND", &[]);
     Ok(file)

@@ -1,60 +1,52 @@
-//! PNG, JPEG and Radiance HDR, by way of the image crate. Colour profiles and orientation tags are not looked at.
+//! PNG, JPEG and Radiance HDR, by way of the image crate.
 
 use std::io::Cursor;
 
 use image::codecs::hdr::{HdrDecoder, HdrEncoder};
 use image::codecs::jpeg::{JpegDecoder, JpegEncoder};
 use image::codecs::png::PngDecoder;
-use image::{DynamicImage, ImageBuffer, ImageDecoder, ImageError, Limits};
+use image::{DynamicImage, ImageBuffer, ImageDecoder, ImageEncoder, ImageError, Limits};
 use rayon::prelude::*;
 use warploom_core::node::{ErrorClass, NodeError};
 use warploom_core::value::{Image, SampleType};
 
+use super::coding::Coding;
 use super::host::{Host, Sink, Source, joined};
 use super::pixels::{Alpha, Pixels, Samples, deepest};
-use super::{Depth, WriteOptions, check_size, png, rest, start, unreadable, unsupported};
+use super::{Depth, Encoding, WriteOptions, check_size, icc, png, rest, start, tags, unreadable, unsupported};
 
 /// Room for what a decoder keeps beside the pixels: rows, tables, texts.
 const SCRATCH: u64 = 16 << 20;
 
 /// Reads a PNG: 8 or 16 bits, alpha straight; palettes and less than 8 bits become 8 bits.
-pub fn read_png(bytes: &[u8], host: &dyn Host) -> Result<Pixels, NodeError> {
+pub fn read_png(bytes: &[u8], encoding: Encoding, host: &dyn Host) -> Result<Pixels, NodeError> {
+    let coding = Coding::of_file(encoding, false, || tags::png::coding(bytes, host))?;
     let mut limits = Limits::no_limits();
     limits.max_alloc = Some(SCRATCH);
-    read(PngDecoder::with_limits(Source::new(bytes, host), limits).map_err(image_error)?, host)
+    let decoder = PngDecoder::with_limits(Source::new(bytes, host), limits).map_err(image_error)?;
+    read(decoder, coding, host)?.upright(tags::png::orientation(bytes), host)
 }
 
 /// Reads a JPEG: 8 bits.
-pub fn read_jpeg(bytes: &[u8], host: &dyn Host) -> Result<Pixels, NodeError> {
-    if !is_whole_jpeg(bytes) {
-        return Err(unreadable("the file ends early"));
-    }
+pub fn read_jpeg(bytes: &[u8], encoding: Encoding, host: &dyn Host) -> Result<Pixels, NodeError> {
+    tags::jpeg::check(bytes)?;
+    let coding = Coding::of_file(encoding, false, || tags::jpeg::coding(bytes, host))?;
     // The decoder copies the file. The coefficients of a progressive one take less than the planes that follow.
     host.reserve(bytes.len() as u128)?;
-    read(JpegDecoder::new(Cursor::new(bytes)).map_err(image_error)?, host)
-}
-
-/// Whether the end marker follows the start of the first scan; the decoder would fill up what is missing with grey.
-fn is_whole_jpeg(bytes: &[u8]) -> bool {
-    let mut rest = bytes.get(2..).unwrap_or_default();
-    while let [0xff, marker, high, low, ..] = *rest {
-        if marker == 0xda {
-            return rest.windows(2).any(|pair| pair == [0xff, 0xd9]);
-        }
-        let skip = if marker == 0xff { 1 } else { 2 + usize::from(u16::from_be_bytes([high, low])) };
-        rest = rest.get(skip..).unwrap_or_default();
-    }
-    false
+    let decoder = JpegDecoder::new(Cursor::new(bytes)).map_err(image_error)?;
+    read(decoder, coding, host)?.upright(tags::jpeg::orientation(bytes), host)
 }
 
 /// Reads a Radiance HDR: floats with a shared exponent.
-pub fn read_hdr(bytes: &[u8], host: &dyn Host) -> Result<Pixels, NodeError> {
+pub fn read_hdr(bytes: &[u8], encoding: Encoding, host: &dyn Host) -> Result<Pixels, NodeError> {
+    tags::hdr::check(bytes)?;
+    let coding = Coding::of_file(encoding, true, || tags::hdr::coding(bytes))?;
     let strict = bytes.starts_with(b"#?RADIANCE");
-    read(HdrDecoder::with_strictness(Source::new(bytes, host), strict).map_err(image_error)?, host)
+    read(HdrDecoder::with_strictness(Source::new(bytes, host), strict).map_err(image_error)?, coding, host)
 }
 
 /// Reads what `decoder` finds.
-fn read(decoder: impl ImageDecoder, host: &dyn Host) -> Result<Pixels, NodeError> {
+fn read(decoder: impl ImageDecoder, coding: Coding, host: &dyn Host) -> Result<Pixels, NodeError> {
     let (width, height) = decoder.dimensions();
     check_size(width.into(), height.into())?;
     host.reserve(decoder.total_bytes().into())?;
@@ -73,7 +65,7 @@ fn read(decoder: impl ImageDecoder, host: &dyn Host) -> Result<Pixels, NodeError
         other => return Err(unsupported(format!("pixels of type {:?} cannot be read", other.color()))),
     };
     let alpha = if has_alpha { Alpha::Straight } else { Alpha::None };
-    Ok(Pixels { width: width as usize, height: height as usize, alpha, samples })
+    Ok(Pixels { width: width as usize, height: height as usize, alpha, coding, samples })
 }
 
 /// Writes a PNG of 8 or 16 bits, alpha straight.
@@ -90,15 +82,19 @@ pub fn write_png(image: &Image, options: &WriteOptions, host: &dyn Host) -> Resu
 /// Writes a JPEG of 8 bits.
 pub fn write_jpeg(image: &Image, options: &WriteOptions, host: &dyn Host) -> Result<Vec<u8>, NodeError> {
     let pixels = Pixels::of_image(image, Depth::U8, options.encoding, false, &start(host))?;
+    let profile = icc::written(&pixels.coding, pixels.samples_per_pixel() == 1);
     write(pixels, &rest(host), |image, out| {
-        image.write_with_encoder(JpegEncoder::new_with_quality(out, options.quality.clamp(1, 100)))
+        let mut encoder = JpegEncoder::new_with_quality(out, options.quality.clamp(1, 100));
+        profile.map_or(Ok(()), |profile| encoder.set_icc_profile(profile)).map_err(ImageError::Unsupported)?;
+        image.write_with_encoder(encoder)
     })
 }
 
 /// Samples between two looks at the host.
 const RUN: usize = 1 << 18;
 
-/// Just below the largest number that RGBE holds.
+/// Just above the smallest number and below the largest that RGBE holds with all its digits.
+const HDR_MIN: f32 = 3.0e-39;
 const HDR_MAX: f32 = 1.0e38;
 
 /// Writes a Radiance HDR; grey becomes three equal colours.
@@ -109,9 +105,9 @@ pub fn write_hdr(image: &Image, options: &WriteOptions, host: &dyn Host) -> Resu
         *samples = samples.iter().flat_map(|&y| [y; 3]).collect();
     }
     if let Samples::F32(samples) = &mut pixels.samples {
-        // The format's exponent ends below 2^127; it has no place for what is negative or no number.
+        // The format's exponent ends below 2^127; it has no place for what is negative, tinier, or no number.
         samples.par_chunks_mut(RUN).try_for_each(|run| {
-            run.iter_mut().for_each(|sample| *sample = if *sample > 0.0 { sample.min(HDR_MAX) } else { 0.0 });
+            run.iter_mut().for_each(|sample| *sample = if *sample > HDR_MIN { sample.min(HDR_MAX) } else { 0.0 });
             host.go_on()
         })?;
     }

@@ -21,12 +21,12 @@ pub fn limit(budget: u64) -> impl Fn(u128) -> Result<(), NodeError> {
     }
 }
 
-fn options(encoding: Encoding, depth: Depth) -> WriteOptions {
+pub fn options(encoding: Encoding, depth: Depth) -> WriteOptions {
     WriteOptions { encoding, depth, ..WriteOptions::default() }
 }
 
 /// A picture of rows of `names.len()` samples per pixel.
-fn picture(names: &[&str], sample_type: SampleType, width: usize, samples: &[f32]) -> Image {
+pub fn picture(names: &[&str], sample_type: SampleType, width: usize, samples: &[f32]) -> Image {
     let (count, height) = (names.len(), samples.len() / names.len() / width);
     let channels = names.iter().enumerate().map(|(c, &name)| {
         let plane: Vec<f32> = samples.iter().skip(c).step_by(count).copied().collect();
@@ -35,14 +35,14 @@ fn picture(names: &[&str], sample_type: SampleType, width: usize, samples: &[f32
     Image::new(Rect::at(0, 0, width, height), channels.collect())
 }
 
-fn plane<'a>(image: &'a Image, name: &str) -> &'a Buffer<f32> {
+pub fn plane<'a>(image: &'a Image, name: &str) -> &'a Buffer<f32> {
     match &image.primary().channel(name).expect("the channel").plane {
         Plane::F32(plane) => plane,
         Plane::U32(_) => panic!("{name} holds identities"),
     }
 }
 
-fn row<'a>(image: &'a Image, name: &str) -> &'a [f32] {
+pub fn row<'a>(image: &'a Image, name: &str) -> &'a [f32] {
     plane(image, name).row(0)
 }
 
@@ -288,7 +288,8 @@ fn a_png_is_the_one_that_the_png_crate_writes() {
         let wide = pixels::Samples::U16(words);
         for (samples, color) in [(pixels::Samples::U8(bytes[..bytes.len() / 2].to_vec()), colors[0]), (wide, colors[1])]
         {
-            let pixels = pixels::Pixels { width, height, alpha: pixels::Alpha::None, samples };
+            let (alpha, coding) = (pixels::Alpha::None, coding::Coding::Raw);
+            let pixels = pixels::Pixels { width, height, alpha, coding, samples };
             let raw = if pixels.sample_bytes() == 1 { &bytes[..bytes.len() / 2] } else { &bytes };
             let mut expected = Vec::new();
             PngEncoder::new_with_quality(&mut expected, CompressionType::Default, FilterType::Adaptive)

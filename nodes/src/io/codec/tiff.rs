@@ -1,25 +1,32 @@
 //! TIFF, by way of the tiff crate: it tells how alpha is associated, and has grey floats.
 
+use std::borrow::Cow;
 use std::io::Cursor;
 
 use tiff::ColorType;
 use tiff::TiffError;
-use tiff::decoder::{Decoder, DecodingResult, Limits};
+use tiff::decoder::{ChunkType, Decoder, DecodingResult, Limits};
 use tiff::encoder::{TiffEncoder, TiffValue, colortype};
-use tiff::tags::{ExtraSamples, PhotometricInterpretation, SampleFormat, Tag};
+use tiff::tags::{
+    CompressionMethod, ExtraSamples, PhotometricInterpretation, PlanarConfiguration, SampleFormat, Tag, Type,
+};
 use warploom_core::node::{ErrorClass, NodeError};
 use warploom_core::value::{Image, SampleType};
 
+use super::coding::Coding;
 use super::host::{Host, Source};
 use super::pixels::{Alpha, Pixels, Samples, deepest};
-use super::{Depth, WriteOptions, check_size, plane_bytes, rest, start, unreadable, unsupported};
+use super::{Depth, Encoding, WriteOptions, check_size, icc, plane_bytes, rest, start, tags, unreadable, unsupported};
 
 /// Reads the first picture of a TIFF: grey or RGB, with alpha or without, 8 or 16 bits or float.
-pub fn read(bytes: &[u8], host: &dyn Host) -> Result<Pixels, NodeError> {
+pub fn read(bytes: &[u8], encoding: Encoding, host: &dyn Host) -> Result<Pixels, NodeError> {
     let mut decoder = Decoder::new(Source::new(bytes, host)).map_err(tiff_error)?;
     let (width, height) = decoder.dimensions().map_err(tiff_error)?;
     check_size(width.into(), height.into())?;
     let (count, bits) = layout(&mut decoder)?;
+    let is_float = bits == 32;
+    let coding = Coding::of_file(encoding, is_float, || tags::tiff::coding(&mut decoder, count < 3, is_float, host))?;
+    let orientation = tags::tiff::orientation(&mut decoder)?;
     let alpha = match (count, decoder.find_tag_unsigned_vec::<u16>(Tag::ExtraSamples).map_err(tiff_error)?) {
         (1 | 3, _) => Alpha::None,
         (_, Some(extra)) if extra.first() == Some(&ExtraSamples::AssociatedAlpha.to_u16()) => Alpha::Premultiplied,
@@ -38,7 +45,7 @@ pub fn read(bytes: &[u8], host: &dyn Host) -> Result<Pixels, NodeError> {
     limits.intermediate_buffer_size = usize::try_from(scratch).unwrap_or(usize::MAX);
     let mut decoder = decoder.with_limits(limits);
     let mut result = DecodingResult::U8(Vec::new());
-    let read = decoder.read_image_to_buffer(&mut result).map_err(tiff_error)?;
+    let read = decoder.read_image_to_buffer(&mut result).map_err(|e| damaged(e, &mut decoder))?;
     let planar = read.planes > 1;
     let samples = match result {
         DecodingResult::U8(samples) => Samples::U8(interleaved(samples, planar, count, host)?),
@@ -46,10 +53,23 @@ pub fn read(bytes: &[u8], host: &dyn Host) -> Result<Pixels, NodeError> {
         DecodingResult::F32(samples) => Samples::F32(interleaved(samples, planar, count, host)?),
         _ => return Err(unsupported(format!("TIFF samples of {bits} bits of this sort cannot be read"))),
     };
-    let pixels = Pixels { width: width as usize, height: height as usize, alpha, samples };
+    let pixels = Pixels { width: width as usize, height: height as usize, alpha, coding, samples };
     match pixels.samples_per_pixel() == count {
-        true => Ok(pixels),
+        true => pixels.upright(orientation, host),
         false => Err(unreadable("the file is damaged: it holds fewer samples than it says")),
+    }
+}
+
+/// What is wrong with a file, or with its decoder: that loses the end of tiles of LZW at the picture's edge.
+fn damaged(error: TiffError, decoder: &mut Decoder<Source>) -> NodeError {
+    let compression = decoder.find_tag_unsigned::<u16>(Tag::Compression);
+    let is_lzw = matches!(compression, Ok(Some(method)) if method == CompressionMethod::LZW.to_u16());
+    match decoder.get_chunk_type() {
+        ChunkType::Tile if is_lzw => {
+            unsupported("tiles of LZW cannot be read where they reach over the picture's edge")
+                .hint("pack it otherwise: oiiotool in.tif --compression zip -o out.tif")
+        }
+        _ => tiff_error(error),
     }
 }
 
@@ -70,6 +90,12 @@ fn layout(decoder: &mut Decoder<Source>) -> Result<(usize, u8), NodeError> {
                 .hint("convert it to RGB: oiiotool in.tif --ch R,G,B -o out.tif"));
         }
     };
+    let planar = decoder.find_tag_unsigned::<u16>(Tag::PlanarConfiguration).map_err(tiff_error)?;
+    if decoder.get_chunk_type() == ChunkType::Tile && count > 1 && planar == Some(PlanarConfiguration::Planar.to_u16())
+    {
+        return Err(unsupported("a TIFF of tiles, plane by plane, cannot be read")
+            .hint("put its planes together: oiiotool in.tif --planarconfig contig -o out.tif"));
+    }
     match (bits, is_float) {
         (8 | 16, false) | (32, true) => Ok((count, bits)),
         _ => {
@@ -136,6 +162,9 @@ where
     let mut write = || {
         let mut encoder = TiffEncoder::new(&mut bytes)?;
         let mut picture = encoder.new_image::<C>(pixels.width as u32, pixels.height as u32)?;
+        if let Some(profile) = icc::written(&pixels.coding, pixels.samples_per_pixel() < 3) {
+            picture.encoder().write_tag(Tag::IccProfile, Untyped(&profile))?;
+        }
         match pixels.alpha {
             Alpha::None => {}
             Alpha::Straight => picture.extra_samples(&[ExtraSamples::UnassociatedAlpha])?,
@@ -154,7 +183,23 @@ where
     Ok(written.map(|()| bytes.into_inner()))
 }
 
-fn tiff_error(error: TiffError) -> NodeError {
+/// Bytes that a TIFF calls undefined, as it wants profiles to be.
+struct Untyped<'a>(&'a [u8]);
+
+impl TiffValue for Untyped<'_> {
+    const BYTE_LEN: u8 = 1;
+    const FIELD_TYPE: Type = Type::UNDEFINED;
+
+    fn count(&self) -> usize {
+        self.0.len()
+    }
+
+    fn data(&self) -> Cow<'_, [u8]> {
+        Cow::Borrowed(self.0)
+    }
+}
+
+pub fn tiff_error(error: TiffError) -> NodeError {
     let message = error.to_string().replace('\n', " ");
     match error {
         TiffError::UnsupportedError(_) => unsupported(message),
