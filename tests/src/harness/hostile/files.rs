@@ -1,0 +1,1 @@
+//! Damaged files and bombs through the real binary.
