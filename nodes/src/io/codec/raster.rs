@@ -12,7 +12,7 @@ use warploom_core::value::{Image, SampleType};
 
 use super::host::{Host, Sink, Source, joined};
 use super::pixels::{Alpha, Pixels, Samples, deepest};
-use super::{Depth, WriteOptions, check_size, png, rest, start, unreadable, unsupported};
+use super::{Depth, WriteOptions, check_size, plane_bytes, png, rest, start, unreadable, unsupported};
 
 /// Room for what a decoder keeps beside the pixels: rows, tables, texts.
 const SCRATCH: u64 = 16 << 20;
@@ -57,7 +57,8 @@ pub fn read_hdr(bytes: &[u8], host: &dyn Host) -> Result<Pixels, NodeError> {
 fn read(decoder: impl ImageDecoder, host: &dyn Host) -> Result<Pixels, NodeError> {
     let (width, height) = decoder.dimensions();
     check_size(width.into(), height.into())?;
-    host.reserve(decoder.total_bytes().into())?;
+    let planes = u128::from(decoder.color_type().channel_count()) * plane_bytes(width as usize, height as usize);
+    host.reserve(u128::from(decoder.total_bytes()) + planes)?;
     let has_alpha = decoder.color_type().has_alpha();
     let samples = match DynamicImage::from_decoder(decoder).map_err(image_error)? {
         DynamicImage::ImageLuma8(pixels) => Samples::U8(pixels.into_raw()),

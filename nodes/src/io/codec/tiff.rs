@@ -32,7 +32,7 @@ pub fn read(bytes: &[u8], host: &dyn Host) -> Result<Pixels, NodeError> {
     let scratch = chunk_bytes.max(pixel_bytes as u128) + (1 << 20);
     // The scratch is free again before the planes are made.
     let planes = count as u128 * plane_bytes(width as usize, height as usize);
-    host.reserve(pixel_bytes as u128 + scratch.saturating_sub(planes))?;
+    host.reserve(pixel_bytes as u128 + scratch.max(planes))?;
     let mut limits = Limits::default();
     limits.decoding_buffer_size = pixel_bytes;
     limits.intermediate_buffer_size = usize::try_from(scratch).unwrap_or(usize::MAX);

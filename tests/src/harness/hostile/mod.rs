@@ -3,6 +3,7 @@
 //! Decoders work in a child process, which says what it begins before it begins, so that one that hangs or aborts is
 //! known too.
 
+mod bombs;
 pub mod files;
 mod mutate;
 mod repair;
@@ -23,7 +24,7 @@ use worker::{Ending, Job, run};
 /// Bytes that a decoder may reserve in all.
 const BUDGET: u64 = 64 << 20;
 /// Bytes that it may take beyond what it reserved.
-const EXCESS: u64 = 256 << 20;
+const EXCESS: u64 = 64 << 20;
 /// Peak bytes of a file that is refused for what it claims.
 const REFUSED: u64 = 64 << 20;
 

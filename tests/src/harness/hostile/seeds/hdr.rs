@@ -20,6 +20,8 @@ pub fn all() -> Vec<(String, Vec<u8>)> {
 }
 
 fn head(width: usize, height: usize) -> Vec<u8> {
-    format!("#?RADIANCE\n# drawn\nFORMAT=32-bit_rle_rgbe\nEXPOSURE=1.5\nCOLORCORR=1.0 1.0 1.0\n\n-Y {height} +X {width}\n")
-        .into_bytes()
+    format!(
+        "#?RADIANCE\n# drawn\nFORMAT=32-bit_rle_rgbe\nEXPOSURE=1.5\nCOLORCORR=1.0 1.0 1.0\n\n-Y {height} +X {width}\n"
+    )
+    .into_bytes()
 }

@@ -42,7 +42,9 @@ impl Head {
             let height = if width == 0 { 0 } else { self.size[1].saturating_sub(top).div_ceil(down) };
             for y in 0..height {
                 rows.push(if self.color == 3 { 0 } else { (y % 5) as u8 });
-                rows.extend((0..(width * count * usize::from(self.depth)).div_ceil(8)).map(|_| random.below(most) as u8));
+                rows.extend(
+                    (0..(width * count * usize::from(self.depth)).div_ceil(8)).map(|_| random.below(most) as u8),
+                );
             }
         }
         rows

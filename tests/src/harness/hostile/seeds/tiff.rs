@@ -51,7 +51,17 @@ pub fn all() -> Vec<(String, Vec<u8>)> {
                 let high_first = compression == 8 && bits == 16;
                 let is_big = is_planar && count == 3;
                 let predictor = if compression == 8 && bits < 32 { 2 } else { 1 };
-                layouts.push(Layout { tile, count, bits, compression, predictor, is_planar, is_big, high_first, ..PLAIN });
+                layouts.push(Layout {
+                    tile,
+                    count,
+                    bits,
+                    compression,
+                    predictor,
+                    is_planar,
+                    is_big,
+                    high_first,
+                    ..PLAIN
+                });
             }
         }
     }
