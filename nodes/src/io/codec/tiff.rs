@@ -4,7 +4,7 @@ use std::io::Cursor;
 
 use tiff::ColorType;
 use tiff::TiffError;
-use tiff::decoder::{Decoder, DecodingResult, Limits};
+use tiff::decoder::{ChunkType, Decoder, DecodingResult, Limits};
 use tiff::encoder::{TiffEncoder, TiffValue, colortype};
 use tiff::tags::{ExtraSamples, PhotometricInterpretation, SampleFormat, Tag};
 use warploom_core::node::{ErrorClass, NodeError};
@@ -16,6 +16,7 @@ use super::{Depth, WriteOptions, check_size, plane_bytes, rest, start, unreadabl
 
 /// Reads the first picture of a TIFF: grey or RGB, with alpha or without, 8 or 16 bits or float.
 pub fn read(bytes: &[u8], host: &dyn Host) -> Result<Pixels, NodeError> {
+    host.reserve(VALUE_BYTES * largest_list(bytes)?)?;
     let mut decoder = Decoder::new(Source::new(bytes, host)).map_err(tiff_error)?;
     let (width, height) = decoder.dimensions().map_err(tiff_error)?;
     check_size(width.into(), height.into())?;
@@ -36,10 +37,16 @@ pub fn read(bytes: &[u8], host: &dyn Host) -> Result<Pixels, NodeError> {
     let mut limits = Limits::default();
     limits.decoding_buffer_size = pixel_bytes;
     limits.intermediate_buffer_size = usize::try_from(scratch).unwrap_or(usize::MAX);
-    let mut decoder = decoder.with_limits(limits);
+    let mut decoder = decoder.with_limits(limits.clone());
     let mut result = DecodingResult::U8(Vec::new());
-    let read = decoder.read_image_to_buffer(&mut result).map_err(tiff_error)?;
-    let planar = read.planes > 1;
+    let layout = decoder.image_buffer_layout().map_err(tiff_error)?;
+    let planar = layout.planes > 1;
+    if planar && decoder.get_chunk_type() == ChunkType::Tile {
+        result.resize_to(&layout, &limits).map_err(tiff_error)?;
+        read_planes(&mut decoder, &mut result, [width as usize, height as usize], usize::from(bits / 8))?;
+    } else {
+        decoder.read_image_to_buffer(&mut result).map_err(tiff_error)?;
+    }
     let samples = match result {
         DecodingResult::U8(samples) => Samples::U8(interleaved(samples, planar, count, host)?),
         DecodingResult::U16(samples) => Samples::U16(interleaved(samples, planar, count, host)?),
@@ -51,6 +58,64 @@ pub fn read(bytes: &[u8], host: &dyn Host) -> Result<Pixels, NodeError> {
         true => Ok(pixels),
         false => Err(unreadable("the file is damaged: it holds fewer samples than it says")),
     }
+}
+
+/// Reads planes of tiles, tile by tile. The crate's reader of whole pictures cuts the lowest tiles of the first plane
+/// only, and panics at the last one.
+fn read_planes(
+    decoder: &mut Decoder<Source>,
+    result: &mut DecodingResult,
+    [width, height]: [usize; 2],
+    sample_bytes: usize,
+) -> Result<(), NodeError> {
+    let (tile_width, tile_height) = decoder.chunk_dimensions();
+    let (mut tile, mut index) = (Vec::new(), 0);
+    for plane in result.as_buffer(0).as_bytes_mut().chunks_exact_mut(width * height * sample_bytes) {
+        for top in (0..height).step_by(tile_height as usize) {
+            for left in (0..width).step_by(tile_width as usize) {
+                let (columns, rows) = decoder.chunk_data_dimensions(index);
+                let row_bytes = columns as usize * sample_bytes;
+                tile.resize(rows as usize * row_bytes, 0);
+                decoder.read_chunk_bytes(index, &mut tile).map_err(tiff_error)?;
+                for (y, row) in tile.chunks_exact(row_bytes).take(height - top).enumerate() {
+                    plane[((top + y) * width + left) * sample_bytes..][..row_bytes].copy_from_slice(row);
+                }
+                index += 1;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Bytes that the decoder takes for a number of a list: as a value of any type, and as what it is wanted as.
+const VALUE_BYTES: u128 = 32 + 8;
+
+/// Tags of lists that the decoder reads whole: depths, strips, tiles, sorts of samples.
+const LISTS: [u16; 9] = [258, 273, 279, 324, 325, 338, 339, 347, 530];
+
+/// The count of the longest list in the first directory, each of which must fit into the file: the decoder makes
+/// room for as many numbers as it says.
+fn largest_list(bytes: &[u8]) -> Result<u128, NodeError> {
+    let is_big = matches!(bytes, [_, _, 43, ..] | [_, _, _, 43, ..]);
+    let number = |at: usize, size: usize| -> Result<u64, NodeError> {
+        let number =
+            bytes.get(at..).and_then(|rest| rest.get(..size)).ok_or_else(|| unreadable("the file ends early"))?;
+        let add = |sum: u64, &byte: &u8| sum << 8 | u64::from(byte);
+        Ok(if bytes[0] == b'M' { number.iter().fold(0, add) } else { number.iter().rev().fold(0, add) })
+    };
+    let (word, counter) = if is_big { (8, 8) } else { (4, 2) };
+    let directory = usize::try_from(number(word, word)?).unwrap_or(usize::MAX);
+    let (entry_bytes, mut largest) = (4 + 2 * word, 0);
+    for index in 0..number(directory, counter)? {
+        let offset = usize::try_from(index).unwrap_or(usize::MAX).saturating_mul(entry_bytes);
+        let at = directory.saturating_add(counter).saturating_add(offset);
+        let (tag, count) = (number(at, 2)? as u16, number(at.saturating_add(4), word)?);
+        if LISTS.contains(&tag) && count > bytes.len() as u64 {
+            return Err(unreadable(format!("the file is damaged: tag {tag} has {count} values")));
+        }
+        largest = largest.max(if LISTS.contains(&tag) { count.into() } else { 0 });
+    }
+    Ok(largest)
 }
 
 /// Samples per pixel and bits per sample.

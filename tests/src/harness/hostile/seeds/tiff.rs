@@ -1,6 +1,7 @@
 //! TIFF: strips and tiles, planes and pixels, both orders of bytes, both sizes of offsets, every packing.
 
 use std::io::Cursor;
+use std::ops::Range;
 
 use tiff::encoder::{Compression, DeflateLevel, Predictor, TiffEncoder, colortype};
 
@@ -42,8 +43,8 @@ const PLAIN: Layout = Layout {
     high_first: false,
 };
 
-/// All variations.
-pub fn all() -> Vec<(String, Vec<u8>)> {
+/// All variations of our own.
+fn layouts() -> Vec<Layout> {
     let mut layouts = vec![PLAIN];
     for compression in [1, 8, 32773] {
         for (tile, is_planar) in [([0, 5], false), ([16, 16], false), ([0, 5], true), ([16, 16], true)] {
@@ -65,7 +66,12 @@ pub fn all() -> Vec<(String, Vec<u8>)> {
             }
         }
     }
-    let mut files: Vec<_> = layouts.into_iter().map(|layout| (format!("{layout:?}"), file(layout))).collect();
+    layouts
+}
+
+/// All variations.
+pub fn all() -> Vec<(String, Vec<u8>)> {
+    let mut files: Vec<_> = layouts().into_iter().map(|layout| (format!("{layout:?}"), file(layout))).collect();
     for (name, compression) in [
         ("LZW", Compression::Lzw),
         ("packbits", Compression::Packbits),
@@ -200,13 +206,15 @@ fn chunks(layout: Layout) -> Vec<Vec<u8>> {
     let is_tiled = layout.tile[0] > 0;
     let chunk_width = if is_tiled { layout.tile[0] } else { width };
     let planes = if layout.is_planar { layout.count } else { 1 };
-    let pixel_bytes = layout.count / planes * layout.bits / 8;
+    let samples = layout.count / planes;
     let mut chunks = Vec::new();
-    for _ in 0..planes {
+    for plane in 0..planes {
         for top in (0..height).step_by(layout.tile[1]) {
-            for _ in (0..width).step_by(chunk_width) {
-                let rows = if is_tiled { layout.tile[1] } else { layout.tile[1].min(height - top) };
-                let bytes = samples(chunk_width * rows * pixel_bytes);
+            for left in (0..width).step_by(chunk_width) {
+                let bottom = if is_tiled { top + layout.tile[1] } else { height.min(top + layout.tile[1]) };
+                let (columns, channels) = (left..left + chunk_width, plane * samples..(plane + 1) * samples);
+                let rows = (top..bottom).flat_map(|y| row(layout, columns.clone(), y, channels.clone()));
+                let bytes: Vec<u8> = rows.collect();
                 chunks.push(match layout.compression {
                     8 => deflated(&bytes),
                     32773 => bytes.chunks(100).flat_map(|run| [&[run.len() as u8 - 1], run].concat()).collect(),
@@ -216,4 +224,44 @@ fn chunks(layout: Layout) -> Vec<Vec<u8>> {
         }
     }
     chunks
+}
+
+/// A row of samples that depend on their place alone, so that every layout holds the same picture.
+fn row(layout: Layout, columns: Range<usize>, y: usize, channels: Range<usize>) -> Vec<u8> {
+    let value = |x: usize, c: usize| ((3 * x + 5 * y + 7 * c) % 60) as u16;
+    let mut bytes = Vec::new();
+    for x in columns.clone() {
+        for c in channels.clone() {
+            let before = if layout.predictor == 2 && x > columns.start { value(x - 1, c) } else { 0 };
+            let number = value(x, c).wrapping_sub(before);
+            let bits = if layout.bits == 32 { (f32::from(number) / 60.0).to_bits() } else { number.into() };
+            let size = layout.bits / 8;
+            match layout.high_first {
+                true => bytes.extend(&bits.to_be_bytes()[4 - size..]),
+                false => bytes.extend(&bits.to_le_bytes()[..size]),
+            }
+        }
+    }
+    bytes
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use warploom_core::value::Image;
+    use warploom_nodes::io::codec::{Encoding, decode};
+
+    use super::*;
+
+    #[test]
+    fn every_layout_of_a_picture_is_read_as_the_same() {
+        let mut pictures = BTreeMap::<(usize, usize), Image>::new();
+        for layout in layouts() {
+            let read = decode(&file(layout), Encoding::Raw, &|_: u128| Ok(())).expect("a good file");
+            let first = pictures.entry((layout.count, layout.bits)).or_insert_with(|| read.clone());
+            assert!(*first == read, "{layout:?}");
+        }
+        assert_eq!(pictures.len(), 4);
+    }
 }
