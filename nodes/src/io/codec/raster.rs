@@ -19,9 +19,19 @@ const SCRATCH: u64 = 16 << 20;
 
 /// Reads a PNG: 8 or 16 bits, alpha straight; palettes and less than 8 bits become 8 bits.
 pub fn read_png(bytes: &[u8], host: &dyn Host) -> Result<Pixels, NodeError> {
+    if let Some([width, height]) = png_size(bytes) {
+        check_size(width.into(), height.into())?;
+    }
     let mut limits = Limits::no_limits();
     limits.max_alloc = Some(SCRATCH);
     read(PngDecoder::with_limits(Source::new(bytes, host), limits).map_err(image_error)?, host)
+}
+
+/// The size in a PNG's head, if there is one. The decoder takes one that is absurd for a want of memory.
+fn png_size(bytes: &[u8]) -> Option<[u32; 2]> {
+    let [b'I', b'H', b'D', b'R', size @ ..] = bytes.get(12..24)? else { return None };
+    let (width, height) = (size.first_chunk()?, size.last_chunk()?);
+    Some([width, height].map(|side| u32::from_be_bytes(*side)))
 }
 
 /// Reads a JPEG: 8 bits.
@@ -157,7 +167,7 @@ fn image_error(error: ImageError) -> NodeError {
     let message = error.to_string().replace('\n', " ");
     match error {
         ImageError::Unsupported(_) => unsupported(message),
-        ImageError::Limits(_) => NodeError::new(ErrorClass::OverBudget, message),
+        ImageError::Limits(_) => NodeError::new(ErrorClass::OverBudget, "more memory is needed than it declares"),
         ImageError::IoError(e) if e.kind() == std::io::ErrorKind::UnexpectedEof => unreadable("the file ends early"),
         _ => unreadable(format!("the file is damaged: {message}")),
     }

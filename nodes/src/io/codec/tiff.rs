@@ -90,8 +90,9 @@ fn read_planes(
 /// Bytes that the decoder takes for a number of a list: as a value of any type, and as what it is wanted as.
 const VALUE_BYTES: u128 = 32 + 8;
 
-/// Tags of lists that the decoder reads whole: depths, strips, tiles, sorts of samples.
-const LISTS: [u16; 9] = [258, 273, 279, 324, 325, 338, 339, 347, 530];
+/// Tags that the decoder reads, each as a list of as many numbers as the file says: sizes, depths, strips, tiles, sorts
+/// of samples.
+const READ: [u16; 19] = [256, 257, 258, 259, 262, 273, 277, 278, 279, 284, 317, 322, 323, 324, 325, 338, 339, 347, 530];
 
 /// The count of the longest list in the first directory, each of which must fit into the file: the decoder makes
 /// room for as many numbers as it says.
@@ -110,10 +111,12 @@ fn largest_list(bytes: &[u8]) -> Result<u128, NodeError> {
         let offset = usize::try_from(index).unwrap_or(usize::MAX).saturating_mul(entry_bytes);
         let at = directory.saturating_add(counter).saturating_add(offset);
         let (tag, count) = (number(at, 2)? as u16, number(at.saturating_add(4), word)?);
-        if LISTS.contains(&tag) && count > bytes.len() as u64 {
-            return Err(unreadable(format!("the file is damaged: tag {tag} has {count} values")));
+        if READ.contains(&tag) {
+            if count > bytes.len() as u64 {
+                return Err(unreadable(format!("the file is damaged: tag {tag} has {count} values")));
+            }
+            largest = largest.max(count.into());
         }
-        largest = largest.max(if LISTS.contains(&tag) { count.into() } else { 0 });
     }
     Ok(largest)
 }

@@ -2,13 +2,14 @@
 
 use std::io::Write;
 
-use flate2::Compression;
 use flate2::write::ZlibEncoder;
+use warploom_core::value::{Buffer, Channel, Image, Plane, Rect, SampleType};
+use warploom_nodes::io::codec::{Compression, WriteOptions, encode_image};
 
 use super::repair::{chunks, mend_chunks};
 use super::seeds::png::{Head, SIGNATURE, file as png, push_chunk};
+use super::seeds::seeds;
 use super::seeds::tiff::{Layout, file as tiff};
-use super::seeds::{Format, seeds};
 
 /// A file, and the exit codes of a run that may come of it.
 pub struct Bomb {
@@ -48,7 +49,7 @@ type Bombs = Vec<(&'static str, Vec<u8>, &'static [i32])>;
 
 /// A zlib stream of so many MiB of zeros.
 fn zeros(mib: usize) -> Vec<u8> {
-    let mut packer = ZlibEncoder::new(Vec::new(), Compression::fast());
+    let mut packer = ZlibEncoder::new(Vec::new(), flate2::Compression::fast());
     let zeros = vec![0; 1 << 20];
     (0..mib).try_for_each(|_| packer.write_all(&zeros)).and_then(|()| packer.finish()).expect("a vector takes it")
 }
@@ -67,7 +68,7 @@ fn pngs() -> Bombs {
     let texts = |name: &'static [u8; 4], head: &[u8]| png(SMALL, &[(name, [head, &zeros].concat())]);
     vec![
         ("65536 x 65536", large(65_536, 65_536), CLAIM),
-        ("6000 x 5600, whose codes fit but not its planes", large(6000, 5600), CLAIM),
+        ("6000 x 6000, whose codes fit but not its planes", large(6000, 6000), CLAIM),
         ("a side too long", large(70_000, 1), DAMAGE),
         ("2147483647 x 2147483647", large(0x7fff_ffff, 0x7fff_ffff), DAMAGE),
         ("more pixels than it has", png_of(SMALL, &zeros), &[0, 3]),
@@ -112,16 +113,25 @@ fn broken_pngs() -> Bombs {
 }
 
 fn jpegs() -> Bombs {
+    let seeds = seeds();
+    let seed = |name: &str| seeds.iter().find(|seed| seed.name == name).expect("a good file");
     let with_size = |name: &str, [width, height]: [u16; 2]| {
-        let seeds = seeds();
-        let seed = seeds.iter().find(|seed| seed.format == Format::Jpeg && seed.name == name).expect("a good file");
-        let mut file = seed.bytes.clone();
+        let mut file = seed(name).bytes.clone();
         let head = file.windows(2).position(|pair| pair == [0xff, 0xc0] || pair == [0xff, 0xc2]).expect("a frame");
         file[head + 5..head + 7].copy_from_slice(&height.to_be_bytes());
         file[head + 7..head + 9].copy_from_slice(&width.to_be_bytes());
         file
     };
+    let with_scans = |count| {
+        let mut file = with_size("progressive grey", [9000; 2]);
+        let scan = file.windows(2).rposition(|pair| pair == [0xff, 0xda]).expect("a scan");
+        let last = file[scan..file.len() - 2].repeat(count);
+        file.splice(scan..scan, last);
+        file
+    };
     vec![
+        ("9000 x 9000, 90 scans of nothing", with_scans(80), &[0, 3]),
+        ("10,000 scans", with_scans(10_000), &[0, 3]),
         ("65535 x 65535", with_size("baseline", [65_535; 2]), CLAIM),
         ("65535 x 65535, progressive", with_size("progressive grey", [65_535; 2]), CLAIM),
         ("7000 x 7000, whose codes fit but not its planes", with_size("baseline", [7000; 2]), CLAIM),
@@ -267,12 +277,31 @@ fn push_attribute(part: &mut Vec<u8>, name: &str, kind: &str, value: &[u8]) {
     part.extend(value);
 }
 
-/// A file of many equal parts.
+/// A file of many equal parts of one block each, which say that they have `chunks`.
 fn parts(count: usize, part: &Exr, chunks: i32) -> Vec<u8> {
     let mut part = part.clone();
     push_attribute(&mut part.more, "type", "string", b"scanlineimage");
     push_attribute(&mut part.more, "chunkCount", "int", &chunks.to_le_bytes());
-    [head(1 << 12), part.part().repeat(count), vec![0], vec![1; 8 * count]].concat()
+    let mut file = [head(1 << 12), part.part().repeat(count), vec![0]].concat();
+    let block = vec![0; part.channels * 2 * (part.size[0] * part.size[1]) as usize];
+    let first = file.len() + 8 * count;
+    (0..count).for_each(|number| file.extend(((first + number * (12 + block.len())) as u64).to_le_bytes()));
+    for number in 0..count {
+        file.extend([number as i32, 0, block.len() as i32].iter().flat_map(|n| n.to_le_bytes()));
+        file.extend(&block);
+    }
+    file
+}
+
+/// As many blocks of as few pixels as there can be.
+fn thin(compression: Compression) -> Vec<u8> {
+    let size = (1, 65_536);
+    let samples: Vec<f32> = (0..size.1).map(|y| y as f32 / 128.0 % 1.0).collect();
+    let plane = Plane::F32(Buffer::from_packed(&samples, size.0, size.1));
+    let channels = vec![Channel { name: "Y".into(), sample_type: SampleType::Half, plane }];
+    let image = Image::new(Rect::at(0, 0, size.0, size.1), channels);
+    let options = WriteOptions { compression, ..WriteOptions::default() };
+    encode_image(&image, "exr", &options, &|_: u128| Ok(())).expect("it can be written")
 }
 
 fn exrs() -> Bombs {
@@ -299,10 +328,12 @@ fn exrs() -> Bombs {
         ("a part of 2147483647 blocks", parts(1, &plain, i32::MAX), DAMAGE),
         ("parts of -1 blocks", parts(1, &plain, -1), DAMAGE),
         ("300 parts", parts(300, &plain, 1), DAMAGE),
-        ("256 parts of 1024 channels", parts(256, &narrow, 1), &[3, 7]),
+        ("256 parts of 1024 channels", parts(256, &narrow, 1), &[0]),
         ("an attribute of 2147483647 bytes", long.file(&[]), DAMAGE),
         ("1024 channels", wide(1024).file(&[1; 8 * 256]), CLAIM),
         ("5000 channels", wide(5000).file(&[1; 8 * 256]), DAMAGE),
         ("a block of zeros", plain.file(&block), DAMAGE),
+        ("65536 rows of a pixel, by wavelets", thin(Compression::Piz), &[0]),
+        ("65536 rows of a pixel, by cosines", thin(Compression::Dwaa), &[0]),
     ]
 }

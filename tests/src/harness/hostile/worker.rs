@@ -229,8 +229,9 @@ fn misbehave(control: usize, reserve: &dyn Fn(u128) -> Result<(), NodeError>) ->
             while cpu_seconds() - begun < 0.1 {}
         }
         "is refused" => {
+            reserve(u128::from(BUDGET / 2))?;
             let taken = black_box(vec![1u8; (REFUSED + REFUSED / 8) as usize]);
-            return reserve(u128::from(BUDGET) + taken.len() as u128);
+            return reserve(taken.len() as u128);
         }
         "hangs" => loop {
             std::thread::park();
