@@ -105,7 +105,9 @@ fn check(outcome: &mut Outcome, name: &str, seen: &Seen, codes: &[i32]) {
     let is_expected = code.is_some_and(|code| codes.contains(&code));
     outcome.check(is_expected, || format!("{name}: {code:?} instead of {codes:?}: {message}"));
     let says_where = *code == Some(0) || *code == Some(7) || message.contains("picture: ");
-    let is_known = !message.contains("broke down") && !message.contains("panic") && !message.contains('\n');
+    // Where the arithmetic of a library wraps around in a release, a debug build stops it.
+    let is_known = cfg!(debug_assertions) || !message.contains("broke down");
+    let is_known = is_known && !message.contains("panic") && !message.contains('\n');
     outcome.check(says_where && is_known, || format!("{name}: `{message}` does not say what is wrong"));
     outcome.check(*seconds <= LIMITS.seconds, || format!("{name}: computes for {seconds:.2} s"));
     outcome.check(*peak <= BUDGET * MIB + EXCESS, || format!("{name}: peak is {} MiB", peak / MIB));

@@ -66,7 +66,7 @@ pub fn hostile(seed: u64, count: usize, arguments: &[&str]) -> Outcome {
     let mut tallies = BTreeMap::<String, Tally>::new();
     let count = count + targets.len();
     run(arguments, Job { seed, is_control: false }, count, LIMITS, |index, ending| {
-        let target = &targets[index % targets.len()];
+        let target = target(&targets, index);
         let name = format!("{index}, {:?}: {}", target.seed.format, target.seed.name);
         let tally = tallies.entry(format!("{:?}", target.seed.format)).or_default();
         *tally.endings.entry(ending.kind().to_owned()).or_default() += 1;
@@ -102,9 +102,19 @@ fn targets() -> Vec<Target> {
     seeds::seeds().into_iter().map(Target::new).collect()
 }
 
-/// The file of that number: first the good ones, then spoiled ones of each in turn.
+/// The good file behind that number: first each, then those of each format in turn.
+fn target(targets: &[Target], index: usize) -> &Target {
+    if index < targets.len() {
+        return &targets[index];
+    }
+    let formats: Vec<&[Target]> = targets.chunk_by(|a, b| a.seed.format == b.seed.format).collect();
+    let format = formats[index % formats.len()];
+    &format[index / formats.len() % format.len()]
+}
+
+/// The file of that number: first the good ones, then spoiled ones.
 fn file(targets: &[Target], seed: u64, index: usize) -> Vec<u8> {
-    let target = &targets[index % targets.len()];
+    let target = target(targets, index);
     match index < targets.len() {
         true => target.seed.bytes.clone(),
         false => target.spoiled(&mut Random(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15).wrapping_add(index as u64))),

@@ -172,7 +172,7 @@ pub fn work_if_asked(heap: &PeakAlloc) -> bool {
     let words: Vec<&str> = asked.split(' ').collect();
     let number = |at: usize| words[at].parse::<usize>().expect("a number");
     let (seed, is_control) = (number(0) as u64, words[1] == "true");
-    let targets = targets();
+    let targets = if is_control { Vec::new() } else { targets() };
     std::panic::set_hook(Box::new(|info| {
         let text = info.to_string().replace('\n', " ");
         *PANIC.lock().unwrap_or_else(PoisonError::into_inner) = text;
