@@ -250,6 +250,7 @@ mod tests {
         assert_eq!(inflated(&stream), None);
         mend_stream(&mut stream);
         assert!(inflated(&stream).is_some_and(|other| other != inside));
-        assert_eq!(streams(&[b"before".to_vec(), stream.clone(), b"behind".to_vec()].concat()), [6..6 + stream.len()]);
+        let found = streams(&[b"before".to_vec(), stream.clone(), b"behind".to_vec()].concat());
+        assert!(found.len() == 1 && found[0] == (6..6 + stream.len()), "{found:?}");
     }
 }
