@@ -7,6 +7,9 @@ use std::path::Path;
 
 use warploom_tests::harness;
 
+#[global_allocator]
+static HEAP: peak_alloc::PeakAlloc = peak_alloc::PeakAlloc;
+
 const BINARY: &str = env!("CARGO_BIN_EXE_warploom");
 
 #[test]
@@ -33,4 +36,18 @@ fn a_run_fits_its_control_group() {
     let outcome = harness::memory::in_control_group(Path::new(BINARY), &harness::memory::Load::small());
     outcome.figures.iter().for_each(|line| println!("{line}"));
     outcome.expect_none();
+}
+
+#[test]
+fn spoiled_pictures_are_errors_soon_and_in_little_memory() {
+    if harness::hostile::work_if_asked(&HEAP) {
+        return;
+    }
+    let arguments = ["--exact", "--nocapture", "spoiled_pictures_are_errors_soon_and_in_little_memory"];
+    harness::hostile::hostile(1, 1000, &arguments).expect_none();
+}
+
+#[test]
+fn bombs_are_refused_before_they_go_off() {
+    harness::hostile::files::explosive(Path::new(BINARY)).expect_none();
 }

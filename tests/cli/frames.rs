@@ -98,6 +98,36 @@ fn with_keep_going_the_other_frames_are_delivered() {
 }
 
 #[test]
+fn frames_beside_damaged_ones_and_bombs_are_delivered() {
+    let desk = plates(&[]);
+    let mut damaged = desk.read("in/plate.0003.png");
+    let middle = damaged.len() / 2;
+    damaged[middle] ^= 0x55;
+    desk.write("in/plate.0003.png", damaged);
+    // A sound head of 65536 x 65536 pixels: width and height, then the checksum of the chunk.
+    let mut bomb = desk.read("in/plate.0005.png");
+    bomb[16..24].copy_from_slice(&[0, 1, 0, 0, 0, 1, 0, 0]);
+    let sum = crc(&bomb[12..29]);
+    bomb[29..33].copy_from_slice(&sum.to_be_bytes());
+    desk.write("in/plate.0005.png", bomb);
+    let ended = desk.run("run copy.ron --keep-going --memory 512M --report r.json");
+    ended.says(1, &["frame 3", "frame 5", "in/plate.0003.png", "in/plate.0005.png"]);
+    assert_eq!(desk.files("out"), ["copy.0001.png", "copy.0002.png", "copy.0004.png"]);
+    let report = desk.read_json("r.json");
+    let faults: Vec<_> = report["faults"].as_array().expect("a list").iter().collect();
+    let codes = faults.iter().map(|fault| (fault["frame"].as_i64(), text(&fault["code"]))).collect::<Vec<_>>();
+    assert_eq!(codes, [(Some(3), "input_unreadable"), (Some(5), "over_budget")]);
+    assert!(faults.iter().all(|fault| fault["node"] == "plate"), "{faults:?}");
+}
+
+/// The checksum of a PNG's chunks (CRC-32).
+fn crc(bytes: &[u8]) -> u32 {
+    !bytes.iter().fold(!0, |sum, &byte| {
+        (0..8).fold(sum ^ u32::from(byte), |sum, _| sum >> 1 ^ (0xedb8_8320 & (sum & 1).wrapping_neg()))
+    })
+}
+
+#[test]
 fn where_no_frame_is_delivered_the_first_fault_decides() {
     let desk = plates(&[2, 3, 4]);
     desk.write("in/plate.0003.png", "GIF89a is not read");

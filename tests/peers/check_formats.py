@@ -213,17 +213,16 @@ def check_refusals(bench):
     path = bench.path("jpg")
     colours.convert("CMYK").save(path)
     bench.refused(path, ["CMYK"])
-    for channels, compression, planes, words in ((3, "none", "separate", "plane by plane"), (1, "lzw", "contig", "LZW")):
-        path = bench.path("tif")
-        pixels = RANDOM.integers(0, 256, (21, 33, channels)).astype(np.uint8)
-        spec = oiio.ImageSpec(33, 21, channels, "uint8")
-        spec["compression"], spec["planarconfig"] = compression, planes
-        spec.tile_width = spec.tile_height = 16
-        spec.tile_depth = 1
-        out = oiio.ImageOutput.create(str(path))
-        assert out.open(str(path), spec) and out.write_image(pixels), out.geterror()
-        out.close()
-        bench.refused(path, [words, "oiiotool"])
+    path = bench.path("tif")
+    pixels = RANDOM.integers(0, 256, (21, 33, 1)).astype(np.uint8)
+    spec = oiio.ImageSpec(33, 21, 1, "uint8")
+    spec["compression"] = "lzw"
+    spec.tile_width = spec.tile_height = 16
+    spec.tile_depth = 1
+    out = oiio.ImageOutput.create(str(path))
+    assert out.open(str(path), spec) and out.write_image(pixels), out.geterror()
+    out.close()
+    bench.refused(path, ["LZW", "oiiotool"])
     print(f"{bench.refusals} files are refused, and told why")
 
 
@@ -254,8 +253,8 @@ def check_tiff(bench):
         for channels in (1, 3, 4):
             for compression in ("none", "lzw", "zip"):
                 for planes in ("contig", "separate"):
-                    # Tiles of planes, and padded ones of LZW, are more than the decoder can do.
-                    for tile in (0, 16) if planes == "contig" and compression != "lzw" else (0,):
+                    # Padded tiles of LZW are more than the decoder can do.
+                    for tile in (0, 16) if compression != "lzw" else (0,):
                         spec = oiio.ImageSpec(33, 21, channels, kind)
                         spec["compression"], spec["planarconfig"] = compression, planes
                         spec["oiio:UnassociatedAlpha"] = 1

@@ -1,5 +1,6 @@
 //! Long checks of the real binary, as processes. Examples run them at full count, tests at a small one.
 
+pub mod hostile;
 pub mod interrupts;
 pub mod memory;
 pub mod output_kills;

@@ -8,7 +8,7 @@ use warploom_core::value::{Buffer, Channel, Image, Layer, Plane, Rect, SampleTyp
 use super::coding::Coding;
 use super::color::fill;
 use super::host::Host;
-use super::{Depth, Encoding, MAX_SIDE, plane_bytes};
+use super::{Depth, Encoding, MAX_SIDE};
 
 /// Rows between two looks at the host.
 const REPORT_ROWS: usize = 8;
@@ -83,11 +83,10 @@ impl Pixels {
     }
 
     /// The picture, scene-linear and premultiplied unless its coding is `Raw`. Its channels are `R`, `G`, `B` or
-    /// `Y`, then `A`.
+    /// `Y`, then `A`. Its planes are reserved by whoever read the pixels, before he took memory for these.
     pub fn into_image(self, host: &dyn Host) -> Result<Image, NodeError> {
         let count = self.samples_per_pixel();
         assert_eq!(count * self.width * self.height, self.len(), "{} x {} pixels", self.width, self.height);
-        host.reserve(count as u128 * plane_bytes(self.width, self.height))?;
         let (planes, sample_type) = match &self.samples {
             Samples::U8(samples) => (self.of_codes(samples, u8::MAX.into(), usize::from, host)?, SampleType::U8),
             Samples::U16(samples) => (self.of_codes(samples, u16::MAX, usize::from, host)?, SampleType::U16),

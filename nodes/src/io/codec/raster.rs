@@ -13,18 +13,30 @@ use warploom_core::value::{Image, SampleType};
 use super::coding::Coding;
 use super::host::{Host, Sink, Source, joined};
 use super::pixels::{Alpha, Pixels, Samples, deepest};
-use super::{Depth, Encoding, WriteOptions, check_size, icc, png, rest, start, tags, unreadable, unsupported};
+use super::{
+    Depth, Encoding, WriteOptions, check_size, icc, plane_bytes, png, rest, start, tags, unreadable, unsupported,
+};
 
 /// Room for what a decoder keeps beside the pixels: rows, tables, texts.
 const SCRATCH: u64 = 16 << 20;
 
 /// Reads a PNG: 8 or 16 bits, alpha straight; palettes and less than 8 bits become 8 bits.
 pub fn read_png(bytes: &[u8], encoding: Encoding, host: &dyn Host) -> Result<Pixels, NodeError> {
+    if let Some([width, height]) = png_size(bytes) {
+        check_size(width.into(), height.into())?;
+    }
     let coding = Coding::of_file(encoding, false, || tags::png::coding(bytes, host))?;
     let mut limits = Limits::no_limits();
     limits.max_alloc = Some(SCRATCH);
     let decoder = PngDecoder::with_limits(Source::new(bytes, host), limits).map_err(image_error)?;
     read(decoder, coding, host)?.upright(tags::png::orientation(bytes), host)
+}
+
+/// The size in a PNG's head, if there is one. The decoder takes one that is absurd for a want of memory.
+fn png_size(bytes: &[u8]) -> Option<[u32; 2]> {
+    let [b'I', b'H', b'D', b'R', size @ ..] = bytes.get(12..24)? else { return None };
+    let (width, height) = (size.first_chunk()?, size.last_chunk()?);
+    Some([width, height].map(|side| u32::from_be_bytes(*side)))
 }
 
 /// Reads a JPEG: 8 bits.
@@ -49,7 +61,8 @@ pub fn read_hdr(bytes: &[u8], encoding: Encoding, host: &dyn Host) -> Result<Pix
 fn read(decoder: impl ImageDecoder, coding: Coding, host: &dyn Host) -> Result<Pixels, NodeError> {
     let (width, height) = decoder.dimensions();
     check_size(width.into(), height.into())?;
-    host.reserve(decoder.total_bytes().into())?;
+    let planes = u128::from(decoder.color_type().channel_count()) * plane_bytes(width as usize, height as usize);
+    host.reserve(u128::from(decoder.total_bytes()) + planes)?;
     let has_alpha = decoder.color_type().has_alpha();
     let samples = match DynamicImage::from_decoder(decoder).map_err(image_error)? {
         DynamicImage::ImageLuma8(pixels) => Samples::U8(pixels.into_raw()),
@@ -152,7 +165,7 @@ fn image_error(error: ImageError) -> NodeError {
     let message = error.to_string().replace('\n', " ");
     match error {
         ImageError::Unsupported(_) => unsupported(message),
-        ImageError::Limits(_) => NodeError::new(ErrorClass::OverBudget, message),
+        ImageError::Limits(_) => NodeError::new(ErrorClass::OverBudget, "more memory is needed than it declares"),
         ImageError::IoError(e) if e.kind() == std::io::ErrorKind::UnexpectedEof => unreadable("the file ends early"),
         _ => unreadable(format!("the file is damaged: {message}")),
     }

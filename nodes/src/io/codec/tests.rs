@@ -263,6 +263,19 @@ fn damaged_and_foreign_files_are_errors_within_the_budget() {
     assert_eq!(class(&[0x76, 0x2f, 0x31, 0x01]), ErrorClass::InputUnreadable);
 }
 
+/// Of a file that was cut behind its head, so that it would be damaged if it were looked at any further.
+#[test]
+fn what_does_not_fit_is_refused_before_pixels_are_read() {
+    let image = picture(&["R", "G", "B"], SampleType::Float, 200, &vec![0.3; 200 * 200 * 3]);
+    for (extension, sample_bytes) in [("png", 1), ("hdr", 4)] {
+        let bytes = encode_image(&image, extension, &WriteOptions::default(), FREE).expect("it can be written");
+        let class = |budget| decode(&bytes[..90], Encoding::Auto, &limit(budget)).expect_err("it ends early").class;
+        let samples = 200 * 200 * 3;
+        assert_eq!(class(samples * (sample_bytes + 5)), ErrorClass::InputUnreadable, ".{extension}");
+        assert_eq!(class(samples * (sample_bytes + 3)), ErrorClass::OverBudget, ".{extension}: planes of 4 bytes");
+    }
+}
+
 /// The same filters, packing and chunks.
 #[test]
 fn a_png_is_the_one_that_the_png_crate_writes() {

@@ -3,13 +3,10 @@
 use std::borrow::Cow;
 use std::io::Cursor;
 
-use tiff::ColorType;
-use tiff::TiffError;
 use tiff::decoder::{ChunkType, Decoder, DecodingResult, Limits};
 use tiff::encoder::{TiffEncoder, TiffValue, colortype};
-use tiff::tags::{
-    CompressionMethod, ExtraSamples, PhotometricInterpretation, PlanarConfiguration, SampleFormat, Tag, Type,
-};
+use tiff::tags::{CompressionMethod, ExtraSamples, PhotometricInterpretation, SampleFormat, Tag, Type};
+use tiff::{ColorType, TiffError, TiffResult};
 use warploom_core::node::{ErrorClass, NodeError};
 use warploom_core::value::{Image, SampleType};
 
@@ -20,6 +17,7 @@ use super::{Depth, Encoding, WriteOptions, check_size, icc, plane_bytes, rest, s
 
 /// Reads the first picture of a TIFF: grey or RGB, with alpha or without, 8 or 16 bits or float.
 pub fn read(bytes: &[u8], encoding: Encoding, host: &dyn Host) -> Result<Pixels, NodeError> {
+    host.reserve(VALUE_BYTES * largest_list(bytes)?)?;
     let mut decoder = Decoder::new(Source::new(bytes, host)).map_err(tiff_error)?;
     let (width, height) = decoder.dimensions().map_err(tiff_error)?;
     check_size(width.into(), height.into())?;
@@ -39,14 +37,21 @@ pub fn read(bytes: &[u8], encoding: Encoding, host: &dyn Host) -> Result<Pixels,
     let scratch = chunk_bytes.max(pixel_bytes as u128) + (1 << 20);
     // The scratch is free again before the planes are made.
     let planes = count as u128 * plane_bytes(width as usize, height as usize);
-    host.reserve(pixel_bytes as u128 + scratch.saturating_sub(planes))?;
+    host.reserve(pixel_bytes as u128 + scratch.max(planes))?;
     let mut limits = Limits::default();
     limits.decoding_buffer_size = pixel_bytes;
     limits.intermediate_buffer_size = usize::try_from(scratch).unwrap_or(usize::MAX);
-    let mut decoder = decoder.with_limits(limits);
+    let mut decoder = decoder.with_limits(limits.clone());
     let mut result = DecodingResult::U8(Vec::new());
-    let read = decoder.read_image_to_buffer(&mut result).map_err(|e| damaged(e, &mut decoder))?;
-    let planar = read.planes > 1;
+    let layout = decoder.image_buffer_layout().map_err(tiff_error)?;
+    let planar = layout.planes > 1;
+    let read = if planar && decoder.get_chunk_type() == ChunkType::Tile {
+        result.resize_to(&layout, &limits).map_err(tiff_error)?;
+        read_planes(&mut decoder, &mut result, [width as usize, height as usize], usize::from(bits / 8))
+    } else {
+        decoder.read_image_to_buffer(&mut result).map(drop)
+    };
+    read.map_err(|error| damaged(error, &mut decoder))?;
     let samples = match result {
         DecodingResult::U8(samples) => Samples::U8(interleaved(samples, planar, count, host)?),
         DecodingResult::U16(samples) => Samples::U16(interleaved(samples, planar, count, host)?),
@@ -73,6 +78,68 @@ fn damaged(error: TiffError, decoder: &mut Decoder<Source>) -> NodeError {
     }
 }
 
+/// Reads planes of tiles, tile by tile. The crate's reader of whole pictures cuts the lowest tiles of the first plane
+/// only, and panics at the last one.
+fn read_planes(
+    decoder: &mut Decoder<Source>,
+    result: &mut DecodingResult,
+    [width, height]: [usize; 2],
+    sample_bytes: usize,
+) -> TiffResult<()> {
+    let (tile_width, tile_height) = decoder.chunk_dimensions();
+    let (mut tile, mut index) = (Vec::new(), 0);
+    for plane in result.as_buffer(0).as_bytes_mut().chunks_exact_mut(width * height * sample_bytes) {
+        for top in (0..height).step_by(tile_height as usize) {
+            for left in (0..width).step_by(tile_width as usize) {
+                let (columns, rows) = decoder.chunk_data_dimensions(index);
+                let row_bytes = columns as usize * sample_bytes;
+                tile.resize(rows as usize * row_bytes, 0);
+                decoder.read_chunk_bytes(index, &mut tile)?;
+                for (y, row) in tile.chunks_exact(row_bytes).take(height - top).enumerate() {
+                    plane[((top + y) * width + left) * sample_bytes..][..row_bytes].copy_from_slice(row);
+                }
+                index += 1;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Bytes that the decoder takes for a number of a list: as a value of any type, and as what it is wanted as.
+const VALUE_BYTES: u128 = 32 + 8;
+
+/// Tags that the decoder reads, each as a list of as many numbers as the file says: sizes, depths, strips, tiles, sorts
+/// of samples, orientation, primaries.
+const READ: [u16; 22] =
+    [256, 257, 258, 259, 262, 273, 274, 277, 278, 279, 284, 317, 318, 319, 322, 323, 324, 325, 338, 339, 347, 530];
+
+/// The count of the longest list in the first directory, each of which must fit into the file: the decoder makes
+/// room for as many numbers as it says.
+fn largest_list(bytes: &[u8]) -> Result<u128, NodeError> {
+    let is_big = matches!(bytes, [_, _, 43, ..] | [_, _, _, 43, ..]);
+    let number = |at: usize, size: usize| -> Result<u64, NodeError> {
+        let number =
+            bytes.get(at..).and_then(|rest| rest.get(..size)).ok_or_else(|| unreadable("the file ends early"))?;
+        let add = |sum: u64, &byte: &u8| sum << 8 | u64::from(byte);
+        Ok(if bytes[0] == b'M' { number.iter().fold(0, add) } else { number.iter().rev().fold(0, add) })
+    };
+    let (word, counter) = if is_big { (8, 8) } else { (4, 2) };
+    let directory = usize::try_from(number(word, word)?).unwrap_or(usize::MAX);
+    let (entry_bytes, mut largest) = (4 + 2 * word, 0);
+    for index in 0..number(directory, counter)? {
+        let offset = usize::try_from(index).unwrap_or(usize::MAX).saturating_mul(entry_bytes);
+        let at = directory.saturating_add(counter).saturating_add(offset);
+        let (tag, count) = (number(at, 2)? as u16, number(at.saturating_add(4), word)?);
+        if READ.contains(&tag) {
+            if count > bytes.len() as u64 {
+                return Err(unreadable(format!("the file is damaged: tag {tag} has {count} values")));
+            }
+            largest = largest.max(count.into());
+        }
+    }
+    Ok(largest)
+}
+
 /// Samples per pixel and bits per sample.
 fn layout(decoder: &mut Decoder<Source>) -> Result<(usize, u8), NodeError> {
     let color = decoder.colortype().map_err(tiff_error)?;
@@ -90,12 +157,6 @@ fn layout(decoder: &mut Decoder<Source>) -> Result<(usize, u8), NodeError> {
                 .hint("convert it to RGB: oiiotool in.tif --ch R,G,B -o out.tif"));
         }
     };
-    let planar = decoder.find_tag_unsigned::<u16>(Tag::PlanarConfiguration).map_err(tiff_error)?;
-    if decoder.get_chunk_type() == ChunkType::Tile && count > 1 && planar == Some(PlanarConfiguration::Planar.to_u16())
-    {
-        return Err(unsupported("a TIFF of tiles, plane by plane, cannot be read")
-            .hint("put its planes together: oiiotool in.tif --planarconfig contig -o out.tif"));
-    }
     match (bits, is_float) {
         (8 | 16, false) | (32, true) => Ok((count, bits)),
         _ => {
