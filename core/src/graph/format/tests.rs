@@ -5,6 +5,7 @@ use std::path::Path;
 use proptest::prelude::*;
 
 use super::{format, same_tokens};
+use crate::graph::read::tests::arbiter::cases;
 use crate::graph::read::tests::dice::Dice;
 use crate::graph::read::{Ron, Spanned, read};
 
@@ -161,7 +162,7 @@ fn holds(text: &str) -> Result<(), TestCaseError> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 3000, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(cases(3000))]
 
     #[test]
     fn every_text_keeps_what_it_says(tape in prop::collection::vec(any::<u32>(), 0..160)) {

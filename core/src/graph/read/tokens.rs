@@ -60,6 +60,10 @@ fn token(text: &str, at: usize) -> Option<(TokenKind, usize)> {
 fn word_end(text: &str, mut at: usize) -> usize {
     loop {
         at = token_end(text, at);
+        // A line end in single quotes, which elsewhere tells that a quote was never closed.
+        if text[..at].ends_with('\'') && text[at..].starts_with("\n'") {
+            at += 2;
+        }
         let ends = |c: char| is_blank(c) || matches!(c, '(' | ')' | '[' | ']' | '{' | '}' | ',' | ':' | '/');
         if text[at..].chars().next().is_none_or(ends) {
             return at;
