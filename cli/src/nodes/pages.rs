@@ -1,6 +1,6 @@
 //! A page of each node type, and an index: what their declarations say, with examples and pictures where there are some.
 
-use std::fmt::Write;
+use std::fmt::Write as _;
 use std::fs;
 use std::path::{Component, Path, PathBuf};
 
@@ -34,7 +34,8 @@ pub fn pages(registry: &Registry, folders: &Folders) -> Vec<(String, String)> {
 }
 
 fn index(registry: &Registry, folders: &Folders) -> String {
-    let mut text = "# Nodes\n\nEvery node type, by what it gives. `warploom nodes NAME` tells the same at the prompt.\n\n\
+    let mut text = "# Nodes\n\nEvery node type: first sources, which have no inputs, then by the kind of the first output, last those that\n\
+        write files. `warploom nodes NAME` tells the same at the prompt.\n\n\
         An input takes the name of a node, `\"plate\"`, or of one of its outputs, `\"parts.count\"`. A parameter that is a\n\
         number may change over frames, `Keys([(1001, 0.0), (1012, 60.0)])`, or be linked to a Number output, \
         `\"parts.count\"`;\nwhole numbers only where it is said. Lengths are pixels of the full picture, angles degrees, \
@@ -76,12 +77,10 @@ fn family(node_type: &NodeType) -> Family {
     }
 }
 
-fn families() -> Vec<(String, Family)> {
-    let kinds =
-        Kind::OWN.into_iter().map(|kind| (format!("{}: made of other values", kind.name()), Family::Gives(kind)));
-    let first = [("Sources: what a graph begins with".to_owned(), Family::Source)];
-    let last = [("Whatever is given".to_owned(), Family::Any), ("Sinks: what writes files".to_owned(), Family::Sink)];
-    first.into_iter().chain(kinds).chain(last).collect()
+fn families() -> Vec<(&'static str, Family)> {
+    let kinds = Kind::OWN.into_iter().map(|kind| (kind.name(), Family::Gives(kind)));
+    let last = [("Same as an input", Family::Any), ("Sinks", Family::Sink)];
+    std::iter::once(("Sources", Family::Source)).chain(kinds).chain(last).collect()
 }
 
 fn page(node_type: &NodeType, folders: &Folders) -> String {
@@ -89,6 +88,7 @@ fn page(node_type: &NodeType, folders: &Folders) -> String {
     if let Some(path) = own_picture(node_type, folders) {
         text += &format!("\n![{}]({})\n", node_type.name, relative(folders.out, &path));
     }
+    text += &example(node_type, folders).unwrap_or_default();
     let (ports, params): (Vec<&Param>, Vec<&Param>) =
         node_type.params.iter().partition(|param| matches!(param.shape, Shape::Port(_)));
     if !ports.is_empty() {
@@ -111,7 +111,6 @@ fn page(node_type: &NodeType, folders: &Folders) -> String {
     for output in node_type.outputs {
         let _ = writeln!(text, "| `{}` | {} |", output.name, output_kind(output.kind));
     }
-    text += &example(node_type, folders).unwrap_or_default();
     text + &format!("\n{}\n\n[All nodes](README.md)\n", facts(node_type))
 }
 
@@ -125,7 +124,8 @@ fn port_takes(port: &Param) -> String {
 fn takes(node_type: &NodeType, param: &Param) -> String {
     let mut text = param.shape.describe(param.unit.as_deref());
     if let Some([least, most]) = node_type.schema["properties"][&param.name]["x-soft"].as_array().map(Vec::as_slice) {
-        text += &format!("; mostly {least} to {most}");
+        let plain = |limit: &serde_json::Value| limit.as_f64().unwrap_or_default();
+        text += &format!("; mostly {} to {}", plain(least), plain(most));
     }
     if matches!(param.shape, Shape::Integer { animatable: true, .. }) {
         text += "; may change over frames or be linked";
