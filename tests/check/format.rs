@@ -39,7 +39,11 @@ fn meaning(text: &str) -> Option<String> {
 fn formatted(text: &str) -> String {
     let once = format(Path::new("graph.ron"), text).unwrap_or_else(|faults| panic!("{faults:?}\n{text}"));
     assert_eq!(meaning(text), meaning(&once), "{once}");
-    assert_eq!(format(Path::new("graph.ron"), &once).expect("it can be read"), once, "formatted twice");
+    let twice = format(Path::new("graph.ron"), &once).expect("it can be read");
+    if let Some(pair) = once.lines().zip(twice.lines()).find(|(once, twice)| once != twice) {
+        panic!("formatted twice: {pair:?}\n{text}");
+    }
+    assert_eq!(once, twice);
     once
 }
 

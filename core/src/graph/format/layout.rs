@@ -152,27 +152,30 @@ impl Layout<'_> {
         if flat(parts, pad, &mut line) && indent + width(&line) + reserve <= WIDTH {
             return line;
         }
-        self.broken_parts(parts, indent, pad, |group, so_far| {
+        self.broken_parts(parts, indent, pad, |group, column, indent| {
             let mut whole = String::new();
-            let fits = flat_group(group, &mut whole) && so_far + width(&whole) + reserve <= WIDTH;
+            let fits = flat_group(group, &mut whole) && column + width(&whole) + reserve <= WIDTH;
             if fits { whole } else { self.open(group, indent) }
         })
     }
 
-    /// Parts that do not fit on one line; `group` writes a bracket, given the columns before it.
+    /// Parts that do not fit on one line; `group` writes a bracket, given the column it begins in and the indent.
     fn broken_parts(
         &self,
         parts: &[Part],
-        indent: usize,
+        mut indent: usize,
         pad: usize,
-        group: impl Fn(&Group, usize) -> String,
+        group: impl Fn(&Group, usize, usize) -> String,
     ) -> String {
-        let mut text = String::new();
+        let (mut text, start) = (String::new(), indent);
         let mut before: Option<&Part> = None;
         let mut pad = Some(pad);
         for part in parts {
             match before {
-                Some(Part::Comment(comment)) if comment.ends_line => text += &self.new_line(indent + INDENT),
+                Some(Part::Comment(comment)) if comment.ends_line => {
+                    indent = start + INDENT;
+                    text += &self.new_line(indent);
+                }
                 _ => text += gap(before, part),
             }
             match part {
@@ -181,8 +184,8 @@ impl Layout<'_> {
                 Part::Comment(comment) => text += comment.text,
                 Part::Group(inner) => {
                     let line = text.rsplit('\n').next().unwrap_or_default();
-                    let column = width(line) + if line.len() == text.len() { indent } else { 0 };
-                    text += &group(inner, column);
+                    let column = width(line) + if line.len() == text.len() { start } else { 0 };
+                    text += &group(inner, column, indent);
                 }
             }
             before = Some(part);
@@ -193,7 +196,7 @@ impl Layout<'_> {
     /// A group over several lines, the last of which begins in column `indent`.
     fn open(&self, group: &Group, indent: usize) -> String {
         if hugs(group) {
-            let inner = self.broken_parts(&group.entries[0].parts, indent, 0, |inner, _| self.open(inner, indent));
+            let inner = self.broken_parts(&group.entries[0].parts, indent, 0, |inner, _, _| self.open(inner, indent));
             return format!("{}{inner}{}", group.open, group.close);
         }
         let mut text = group.open.to_owned();

@@ -87,6 +87,8 @@ fn comments_stay_with_what_they_are_about() {
     );
     becomes("[1/*a*/,2,/*b*/3,/*c*/]//d", "[1 /*a*/, 2, /*b*/ 3 /*c*/] //d\n");
     becomes("[1,//a\n//b\n2\n//c\n,//d\n]", "[\n    1, //a\n    //b\n    2,\n    //c\n    //d\n]\n");
+    becomes("[1\n//a\n, 2]", "[\n    1,\n    //a\n    2,\n]\n");
+    becomes("{a: // why\nb(\nc: 1)}", "{\n    a: // why\n        b(\n            c: 1,\n        ),\n}\n");
     becomes("Call(/*none*/)", "Call(/*none*/)\n");
     becomes(
         "{a /*1*/ : /*2*/ b, c: // why\nd(e: 1)}",

@@ -105,7 +105,7 @@ impl<'a> Builder<'a> {
         if self.entry.parts.is_empty() {
             // Comments that this part's line begins with are parts of the entry.
             let (mut inside, mut before) = (self.waiting.len(), line_ends);
-            while inside > 0 && before == 0 {
+            while inside > 0 && before == 0 && !self.waiting[inside - 1].ends_line {
                 inside -= 1;
                 before = self.waiting[inside].line_ends;
             }
