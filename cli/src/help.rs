@@ -27,9 +27,9 @@ pub fn line() -> String {
 Examples:
   warploom nodes                                 what nodes there are
   warploom nodes Arc                             one of them
-  warploom check shot.ron                        every fault of a graph, each with its place and its mend
+  warploom check shot.ron                        every fault of a graph, and its mend
   warploom run shot.ron                          write the files of its Save nodes
-  warploom run shot.ron --set bend.angle=75.0    again, with one number changed: only what it reaches runs
+  warploom run shot.ron --set bend.angle=75.0    again; only what the angle reaches runs
   warploom explain shot.ron                      what would run, and why
 
 {CODES}
@@ -44,10 +44,10 @@ pub fn run() -> String {
 Examples:
   warploom run shot.ron --frames 1001-1100 --keep-going --report report.json
   warploom run shot.ron --set bend.angle=75.0 --set 'plate.path=\"other.exr\"'
-  warploom run shot.ron --target keep --dump keep=keep.json    the value on an edge, and nothing beyond it
+  warploom run shot.ron --target keep --dump keep=keep.json    the value on an edge
   warploom run shot.ron --watch                                again on every save
-  warploom run shot.ron --existing verify                      compare with the files there, write nothing
-  warploom run shot.ron --progress percent                     on a farm: lines such as `Progress: 42%`
+  warploom run shot.ron --existing verify                      compare, write nothing
+  warploom run shot.ron --progress percent                     for a farm
 
 Standard output has the written paths (with jsonl, an object per event), standard error all else.
 
@@ -60,10 +60,12 @@ Standard output has the written paths (with jsonl, an object per event), standar
 pub const CHECK: &str = "\
 Examples:
   warploom check shot.ron
-  warploom check shot.ron --frames 1001-1100 --set bend.angle=75.0    as `run` would see it
+  warploom check shot.ron --frames 1001-1100 --set bend.angle=75.0    with the flags of `run`
   warploom check shot.ron --format json                              for an editor or a pipeline
 
-Exit codes: 0 without faults, 2 with faults. Warnings change nothing.";
+Exit codes:
+   0  no fault; warnings do not count
+   2  the graph has faults, or the command line is wrong";
 
 pub const EXPLAIN: &str = "\
 Examples:
@@ -71,10 +73,10 @@ Examples:
   warploom explain shot.ron --set bend.angle=75.0 --frames 1001    what a new angle would cost
   warploom explain shot.ron --format json
 
-A pair is a node and a frame. It `runs`, or `may run` where an input will be computed again and may come out the
-same, or is `reused`.
+A pair is a node and a frame. It `runs`, or `may run` where an input will be computed again and
+may come out the same, or is `reused`.
 
-Exit codes: 0, or that of the first fault (see `warploom run --help`).";
+The exit code is 0, or that of the first fault: see `warploom run --help`.";
 
 pub const NODES: &str = "\
 Examples:
@@ -83,8 +85,8 @@ Examples:
   warploom nodes --format json            all, as JSON Schema: the form of a plugin's manifest
   warploom nodes --format markdown --out pages --examples examples --pictures pictures
 
-With --out, `examples/drop_shadow/graph.ron` is the example of a node type DropShadow, `graph.png` beside it what that
-gives, and `pictures/drop_shadow.png` its picture.";
+With --out, `examples/drop_shadow/graph.ron` is the example of a node type DropShadow, `graph.png`
+beside it what that gives, and `pictures/drop_shadow.png` its picture.";
 
 pub const GRAPH: &str = "\
 Examples:
@@ -92,10 +94,12 @@ Examples:
   warploom graph shot.ron --format mermaid            for a Markdown page
   warploom graph shot.ron --format json               for a program
 
-What writes files is a cylinder, what is run for otherwise has a double border; a dashed edge is a number that a
-parameter is linked to.
+What writes files is a cylinder, other targets have a double border; a dashed edge is a number
+that a parameter is linked to.
 
-Exit codes: 0, or 2 if the graph has faults.";
+Exit codes:
+   0  done
+   2  the graph has faults, or the command line is wrong";
 
 pub const FMT: &str = "\
 Examples:
@@ -103,11 +107,15 @@ Examples:
   warploom fmt --check graphs/*.ron       for CI: changes nothing, says the paths that it would change
   warploom fmt - < shot.ron               from standard input to standard output
 
-Comments stay, numbers and texts stay as they are written. One node a line, values in a column between blank lines;
-what is longer than 120 columns, or was opened onto a new line, gets a line per parameter.
+Comments stay, numbers and texts stay as they are written. A node has one line, values stand in a
+column between blank lines; what is longer than 120 columns, or was begun on a new line behind its
+bracket, has a line for each parameter.
 
-Exit codes: 0 done; 2 a file cannot be read or is no RON, and is left alone; 6 a file cannot be written; 7 with
---check: a file would change.";
+Exit codes:
+   0  done
+   2  a file cannot be read or is no RON, and is left alone
+   6  a file cannot be written
+   7  with --check: a file would change";
 
 pub const CACHE: &str = "\
 Examples:
@@ -115,7 +123,8 @@ Examples:
   warploom cache gc --cache-size 20G
   warploom cache verify --cache /net/shared/warploom
 
-Every command is safe while others render with the same cache.";
+Every command is safe while others render with the same cache. `verify` exits with 7 if it found a
+damaged entry.";
 
 pub const COMPLETIONS: &str = "\
 Examples:

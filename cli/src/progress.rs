@@ -69,6 +69,10 @@ impl Display {
     /// A line about the whole run, in the dialects for people.
     pub fn summary(&self, report: &Report) {
         self.bar.finish_and_clear();
+        if report.faults.is_empty() && !report.cancelled {
+            // Pairs above files that stay are never asked for.
+            self.percent(100);
+        }
         let left_out = self.warned().left_out;
         if left_out > 0 {
             let warnings = counted(left_out, "warning");
@@ -99,10 +103,14 @@ impl Display {
         }
     }
 
-    /// Tells a farm how far the run is, once per percent. Farms look for these lines on standard output.
-    fn percent(&self) {
+    /// Percent of the pairs that are done.
+    fn part_done(&self) -> usize {
         let (done, all) = (self.pairs_done.load(Ordering::Relaxed), self.pairs.load(Ordering::Relaxed).max(1));
-        let percent = (100 * done / all).min(100);
+        (100 * done / all).min(100)
+    }
+
+    /// Tells a farm how far the run is, once per percent. Farms look for these lines on standard output.
+    fn percent(&self, percent: usize) {
         let mut shown = self.percent.lock().unwrap_or_else(PoisonError::into_inner);
         if shown.is_none_or(|shown| percent > shown) {
             *shown = Some(percent);
@@ -151,7 +159,7 @@ impl Observer for Display {
                 self.frames.store(frames, Ordering::Relaxed);
                 self.pairs.store(pairs, Ordering::Relaxed);
                 self.bar.set_length(frames as u64);
-                self.percent();
+                self.percent(self.part_done());
             }
             Event::Started { node, frame } => match (self.dialect, frame) {
                 (Progress::Human, Some(frame)) => self.bar.set_message(format!("{node} (frame {frame})")),
@@ -169,7 +177,7 @@ impl Observer for Display {
                 if status != Status::Recomputed {
                     self.pairs_done.fetch_add(1, Ordering::Relaxed);
                 }
-                self.percent();
+                self.percent(self.part_done());
             }
             Event::Output { path, .. } => {
                 if self.dialect != Progress::Jsonl {

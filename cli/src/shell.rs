@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use clap::builder::PossibleValuesParser;
+use clap::builder::{PossibleValuesParser, Resettable};
 use clap::{Command, CommandFactory};
 use clap_mangen::Man;
 use warploom_core::diag::{Code, Fault, suggestion};
@@ -47,10 +47,7 @@ fn pages() -> Vec<(String, String)> {
     fn add(command: &Command, name: String, pages: &mut Vec<(String, String)>) {
         let below = command.get_subcommands().filter(|below| !below.is_hide_set());
         below.for_each(|below| add(below, format!("{name}-{}", below.get_name()), pages));
-        let mut page = Vec::new();
-        // Nothing can fail: it is written to memory.
-        let _ = Man::new(command.clone().display_name(&name)).render(&mut page);
-        pages.push((name, String::from_utf8_lossy(&page).into_owned()));
+        pages.push((name.clone(), manual(command, &name)));
     }
     let mut command = Line::command().disable_help_subcommand(true);
     command.build();
@@ -58,6 +55,34 @@ fn pages() -> Vec<(String, String)> {
     add(&command, "warploom".to_owned(), &mut pages);
     pages.sort();
     pages
+}
+
+/// One page. What stands below the flags gets sections of its own: its lines are not to be filled.
+fn manual(command: &Command, name: &str) -> String {
+    let below = command.get_after_long_help().map(ToString::to_string).unwrap_or_default();
+    let command = command.clone().display_name(name).after_long_help(Resettable::Reset);
+    let mut page = Vec::new();
+    // Nothing can fail: it is written to memory.
+    let _ = Man::new(command).source(concat!("warploom ", env!("CARGO_PKG_VERSION"))).render(&mut page);
+    let mut text = String::from_utf8_lossy(&page).into_owned();
+    for paragraph in below.split("\n\n").filter(|paragraph| !paragraph.is_empty()) {
+        let (title, lines) = match paragraph.split_once(":\n") {
+            Some((title, lines)) if !title.contains('\n') => (format!(".SH \"{}\"\n", title.to_uppercase()), lines),
+            _ => (".PP\n".to_owned(), paragraph),
+        };
+        text += &format!("{title}.nf\n{}\n.fi\n", roff(lines));
+    }
+    text
+}
+
+/// A text in which nothing is a command of the page's language.
+fn roff(text: &str) -> String {
+    let escaped = text.replace('\\', "\\e").replace('-', "\\-").replace('\'', "\\(aq");
+    escaped
+        .lines()
+        .map(|line| if line.starts_with('.') { format!("\\&{line}") } else { line.to_owned() })
+        .collect::<Vec<_>>()
+        .join("\n")
 }
 
 fn page<'a>(pages: &'a [(String, String)], name: &str) -> Result<&'a str, Fault> {
