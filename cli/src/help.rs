@@ -104,7 +104,7 @@ Exit codes:
 pub const FMT: &str = "\
 Examples:
   warploom fmt shot.ron                   in place; says the paths that it changed
-  warploom fmt --check graphs/*.ron       for CI: changes nothing, says the paths that it would change
+  warploom fmt --check graphs/*.ron       for CI: changes nothing, names what it would
   warploom fmt - < shot.ron               from standard input to standard output
 
 Comments stay, numbers and texts stay as they are written. A node has one line, values stand in a
