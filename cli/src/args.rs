@@ -5,9 +5,15 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use warploom_core::graph::frames::parse_frames;
 
-/// Renders image-processing graphs: only what a change reaches runs again.
+use crate::help;
+
+/// Renders image-processing graphs: only what a change reaches runs again
+///
+/// A graph is a RON file of nodes that load pictures, make masks and warps of them, and save what comes out. What a run
+/// computed is remembered by its content, on disk too: the next run does only what is new.
 #[derive(Parser)]
-#[command(name = "warploom", version, about, max_term_width = 100)]
+#[command(name = "warploom", version, max_term_width = 100, after_long_help = help::line())]
+#[command(subcommand_required = true, arg_required_else_help = true, disable_help_subcommand = true)]
 pub struct Line {
     #[command(subcommand)]
     pub command: Command,
@@ -16,18 +22,39 @@ pub struct Line {
 #[derive(Subcommand)]
 pub enum Command {
     /// Run a graph: whatever is not known yet is computed, files are written
+    #[command(after_long_help = help::run())]
     Run(RunArgs),
     /// Report every fault of a graph file; opens no input and runs nothing
+    #[command(after_long_help = help::CHECK)]
     Check(CheckArgs),
     /// Tell what a run would do and why; may read and hash inputs, runs nothing
+    #[command(after_long_help = help::EXPLAIN)]
     Explain(ExplainArgs),
-    /// List the node types, or describe one
+    /// List the node types, describe one, or write a page of each
+    #[command(after_long_help = help::NODES)]
     Nodes(NodesArgs),
     /// Draw a graph's structure
+    #[command(after_long_help = help::GRAPH)]
     Graph(GraphArgs),
+    /// Put graph files into the house's form; keeps comments and values
+    #[command(after_long_help = help::FMT)]
+    Fmt(FmtArgs),
     /// Look after the cache; safe beside running renders
+    #[command(after_long_help = help::CACHE)]
     Cache(CacheArgs),
+    /// Print a script that completes command lines in a shell
+    #[command(after_long_help = help::COMPLETIONS)]
+    Completions(CompletionsArgs),
+    /// Print or write the manual pages
+    #[command(after_long_help = help::MAN)]
+    Man(ManArgs),
 }
+
+/// Headings of flags.
+const GRAPH: &str = "What to run";
+const CACHE: &str = "What is remembered";
+const MACHINE: &str = "What it may take";
+const RUN: &str = "What comes out";
 
 /// A frame range.
 #[derive(Clone)]
@@ -43,16 +70,16 @@ pub struct GraphFile {
     /// The graph file (RON)
     pub graph: PathBuf,
     /// Run for this node instead of all sinks; may be given several times
-    #[arg(long, value_name = "NODE")]
+    #[arg(long, help_heading = GRAPH, value_name = "NODE")]
     pub target: Vec<String>,
-    /// Replace a parameter, as --set bend.angle=75.0; may be given several times
-    #[arg(long, value_name = "NODE.PARAM=RON")]
+    /// Replace a parameter, as in --set bend.angle=75.0; may be given several times
+    #[arg(long, help_heading = GRAPH, value_name = "NODE.PARAM=RON")]
     pub set: Vec<String>,
-    /// Frames to run, as 1001-1100, 1001-1100x2 or 1,5,9; overrides the file's
-    #[arg(long, value_name = "RANGE", value_parser = frames, allow_hyphen_values = true)]
+    /// Frames to run, as in 1001-1100, 1001-1100x2 or 1,5,9; overrides the file's
+    #[arg(long, help_heading = GRAPH, value_name = "RANGE", value_parser = frames, allow_hyphen_values = true)]
     pub frames: Option<Frames>,
     /// A folder with plugins; may be given several times
-    #[arg(long, value_name = "DIR")]
+    #[arg(long, help_heading = GRAPH, value_name = "DIR")]
     pub plugins: Vec<PathBuf>,
 }
 
@@ -60,10 +87,10 @@ pub struct GraphFile {
 #[derive(Args)]
 pub struct CacheFolder {
     /// Folder of the cache [default: $WARPLOOM_CACHE, else warploom in the user's cache folder]
-    #[arg(long, value_name = "DIR")]
+    #[arg(long, help_heading = CACHE, value_name = "DIR")]
     pub cache: Option<PathBuf>,
     /// Most bytes the cache may take, as 50G or 500M; what was not used for longest goes first [default: 50G]
-    #[arg(long, value_name = "BYTES", value_parser = cache_bytes)]
+    #[arg(long, help_heading = CACHE, value_name = "BYTES", value_parser = cache_bytes)]
     pub cache_size: Option<u64>,
 }
 
@@ -73,20 +100,19 @@ pub struct EngineArgs {
     #[command(flatten)]
     pub cache: CacheFolder,
     /// Read and write no cache on disk; values are still shared within the run
-    #[arg(long)]
+    #[arg(long, help_heading = CACHE)]
     pub no_cache: bool,
-    /// Which values go to disk: those cheaper to load than to compute, or all
-    #[arg(long, value_enum, default_value_t = Store::Auto)]
+    /// Which values go to disk
+    #[arg(long, help_heading = CACHE, value_enum, default_value_t = Store::Auto)]
     pub store: Store,
     /// Memory the process may take, as 8G or 500M [default: three quarters of the machine's or the container's]
-    #[arg(long, value_name = "BYTES", value_parser = memory_bytes)]
+    #[arg(long, help_heading = MACHINE, value_name = "BYTES", value_parser = memory_bytes)]
     pub memory: Option<u64>,
     /// Threads that compute [default: all]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    #[arg(long, help_heading = MACHINE, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
-    /// Where an output is there already: overwrite it unless it is what would be written; skip it, whatever is in it; or
-    /// verify that it is what would be written, and write nothing
-    #[arg(long, value_enum, default_value_t = Existing::Overwrite)]
+    /// What to do where an output is there already
+    #[arg(long, help_heading = RUN, value_enum, default_value_t = Existing::Overwrite)]
     pub existing: Existing,
 }
 
@@ -97,19 +123,19 @@ pub struct RunArgs {
     #[command(flatten)]
     pub engine: EngineArgs,
     /// Go on with other frames after a fault
-    #[arg(long)]
+    #[arg(long, help_heading = RUN)]
     pub keep_going: bool,
     /// Write the value on any edge to a file as well; #### stands for the frame
-    #[arg(long, value_name = "NODE[.PORT]=FILE")]
+    #[arg(long, help_heading = RUN, value_name = "NODE[.PORT]=FILE")]
     pub dump: Vec<String>,
     /// Write what ran, why, and what came out, as JSON
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, help_heading = RUN, value_name = "FILE")]
     pub report: Option<PathBuf>,
-    /// How progress is shown; auto: human on a terminal, plain elsewhere
-    #[arg(long, value_enum, default_value_t = Progress::Auto)]
+    /// How progress is shown
+    #[arg(long, help_heading = RUN, value_enum, default_value_t = Progress::Auto)]
     pub progress: Progress,
     /// Run again whenever the graph file or a file it reads is saved, until stopped
-    #[arg(long)]
+    #[arg(long, help_heading = RUN)]
     pub watch: bool,
 }
 
@@ -144,30 +170,37 @@ pub enum CacheWork {
 
 #[derive(Clone, Copy, PartialEq, ValueEnum)]
 pub enum Existing {
+    /// Write it again unless it is what would be written
     Overwrite,
+    /// Let it stand, whatever is in it
     Skip,
+    /// Compare it with what would be written; write nothing
     Verify,
 }
 
 #[derive(Clone, Copy, PartialEq, ValueEnum)]
 pub enum Store {
+    /// Those that are cheaper to load than to compute
     Auto,
+    /// All that can
     All,
 }
 
 #[derive(Clone, Copy, PartialEq, ValueEnum)]
 pub enum Progress {
+    /// `human` on a terminal, `plain` elsewhere
     Auto,
     /// A bar
     Human,
-    /// A line per frame
+    /// A line per frame, on standard error
     Plain,
-    /// An object per event on standard output
+    /// A JSON object per event, on standard output
     Jsonl,
-    /// Open Job Description lines on standard output
+    /// Open Job Description: `openjd_progress: 42` and its like, on standard output
     Openjd,
-    /// A line per percent
+    /// `Progress: 42%`, a line per percent, on standard output
     Percent,
+    /// Nothing but faults
     None,
 }
 
@@ -190,15 +223,27 @@ pub enum CheckFormat {
 pub struct NodesArgs {
     /// The node type to describe
     pub name: Option<String>,
-    /// How it is shown; json is the JSON Schema, as in a plugin's manifest
+    /// How it is shown
     #[arg(long, value_enum, default_value_t = NodesFormat::Human)]
     pub format: NodesFormat,
+    /// Write a page of each node type, and an index, into this folder; with --format markdown
+    #[arg(long, value_name = "DIR", conflicts_with = "name")]
+    pub out: Option<PathBuf>,
+    /// For --out: a folder that holds an example of each node type
+    #[arg(long, value_name = "DIR", requires = "out")]
+    pub examples: Option<PathBuf>,
+    /// For --out: a folder that holds a picture of each node type
+    #[arg(long, value_name = "DIR", requires = "out")]
+    pub pictures: Option<PathBuf>,
 }
 
 #[derive(Clone, Copy, PartialEq, ValueEnum)]
 pub enum NodesFormat {
+    /// For reading
     Human,
+    /// JSON Schema, as in a plugin's manifest
     Json,
+    /// A page
     Markdown,
 }
 
@@ -207,15 +252,44 @@ pub struct GraphArgs {
     #[command(flatten)]
     pub file: GraphFile,
     /// The language of the drawing
-    #[arg(long, value_enum)]
+    #[arg(long, value_enum, default_value_t = GraphFormat::Dot)]
     pub format: GraphFormat,
 }
 
 #[derive(Clone, Copy, PartialEq, ValueEnum)]
 pub enum GraphFormat {
+    /// Graphviz
     Dot,
+    /// Mermaid, which Markdown pages may hold
     Mermaid,
+    /// For programs
     Json,
+}
+
+#[derive(Args)]
+pub struct FmtArgs {
+    /// Graph files (RON); - is standard input, which goes to standard output
+    #[arg(required = true)]
+    pub graphs: Vec<PathBuf>,
+    /// Change nothing; say which files would change, and exit with 7 if there are any
+    #[arg(long)]
+    pub check: bool,
+}
+
+#[derive(Args)]
+pub struct CompletionsArgs {
+    /// The shell
+    pub shell: clap_complete::Shell,
+}
+
+#[derive(Args)]
+pub struct ManArgs {
+    /// The command whose page to print, instead of the one for all
+    #[arg(conflicts_with = "out")]
+    pub command: Option<String>,
+    /// Write all pages into this folder
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
 }
 
 fn memory_bytes(text: &str) -> Result<u64, String> {

@@ -1,6 +1,6 @@
 //! `warploom check`, and the reading of graph files for all commands.
 
-use std::path::PathBuf;
+use std::path::Path;
 
 use serde_json::json;
 use warploom_core::diag::{Code, Fault};
@@ -32,7 +32,8 @@ pub fn read(file: &GraphFile, dumps: &[String], registry: &Registry) -> Checked 
     check_text(&text, registry, &options)
 }
 
-fn text(path: &PathBuf) -> Result<String, Box<Fault>> {
+/// The text of a graph file.
+pub fn text(path: &Path) -> Result<String, Box<Fault>> {
     let usage = |message: String| Box::new(Fault::new(Code::Usage, message));
     let unreadable = |error: std::io::Error| match error.kind() {
         std::io::ErrorKind::NotFound => usage(format!("the graph file {} does not exist", path.display())),

@@ -5,10 +5,13 @@ mod cache;
 mod check;
 mod dump;
 mod explain;
+mod fmt;
 mod graph;
-mod nodes;
+mod help;
+pub mod nodes;
 mod progress;
 mod run;
+mod shell;
 mod terminal;
 mod watch;
 
@@ -33,7 +36,10 @@ pub fn main() -> ExitCode {
         Command::Nodes(args) => nodes::nodes(&args, &registry),
         Command::Graph(args) => graph::graph(&args, &registry),
         Command::Explain(args) => explain::explain(&args, &registry),
+        Command::Fmt(args) => fmt::fmt(&args),
         Command::Cache(args) => cache::cache(&args),
+        Command::Completions(args) => shell::completions(&args),
+        Command::Man(args) => shell::man(&args),
     })
     .unwrap_or(Code::Panic.exit_code());
     let code = if code == 0 && terminal::output_was_lost() { Code::OutputUnwritable.exit_code() } else { code };

@@ -23,7 +23,8 @@ pub struct Display {
     frames_done: AtomicUsize,
     pairs: AtomicUsize,
     pairs_done: AtomicUsize,
-    percent: Mutex<usize>,
+    /// The last that was shown.
+    percent: Mutex<Option<usize>>,
     warned: Mutex<Warned>,
 }
 
@@ -60,7 +61,7 @@ impl Display {
             frames_done: count(),
             pairs: count(),
             pairs_done: count(),
-            percent: Mutex::new(0),
+            percent: Mutex::new(None),
             warned: Mutex::default(),
         }
     }
@@ -68,6 +69,10 @@ impl Display {
     /// A line about the whole run, in the dialects for people.
     pub fn summary(&self, report: &Report) {
         self.bar.finish_and_clear();
+        if report.faults.is_empty() && !report.cancelled {
+            // Pairs above files that stay are never asked for.
+            self.percent(100);
+        }
         let left_out = self.warned().left_out;
         if left_out > 0 {
             let warnings = counted(left_out, "warning");
@@ -98,15 +103,21 @@ impl Display {
         }
     }
 
-    fn percent(&self) {
+    /// Percent of the pairs that are done.
+    fn part_done(&self) -> usize {
         let (done, all) = (self.pairs_done.load(Ordering::Relaxed), self.pairs.load(Ordering::Relaxed).max(1));
-        let percent = (100 * done / all).min(100);
+        (100 * done / all).min(100)
+    }
+
+    /// Tells a farm how far the run is, once per percent. Farms look for these lines on standard output.
+    fn percent(&self, percent: usize) {
         let mut shown = self.percent.lock().unwrap_or_else(PoisonError::into_inner);
-        if percent > *shown {
-            *shown = percent;
+        if shown.is_none_or(|shown| percent > shown) {
+            *shown = Some(percent);
             match self.dialect {
                 Progress::Openjd => say(&format!("openjd_progress: {percent}")),
-                _ => note(&format!("{percent}%")),
+                Progress::Percent => say(&format!("Progress: {percent}%")),
+                _ => {}
             }
         }
     }
@@ -148,11 +159,13 @@ impl Observer for Display {
                 self.frames.store(frames, Ordering::Relaxed);
                 self.pairs.store(pairs, Ordering::Relaxed);
                 self.bar.set_length(frames as u64);
+                self.percent(self.part_done());
             }
             Event::Started { node, frame } => match (self.dialect, frame) {
                 (Progress::Human, Some(frame)) => self.bar.set_message(format!("{node} (frame {frame})")),
                 (Progress::Human, None) => self.bar.set_message(node.to_owned()),
-                (Progress::Openjd, _) => say(&format!("openjd_status: {node}")),
+                (Progress::Openjd, Some(frame)) => say(&format!("openjd_status: {node} (frame {frame})")),
+                (Progress::Openjd, None) => say(&format!("openjd_status: {node}")),
                 _ => {}
             },
             Event::Progress { node, part, .. } => {
@@ -164,23 +177,28 @@ impl Observer for Display {
                 if status != Status::Recomputed {
                     self.pairs_done.fetch_add(1, Ordering::Relaxed);
                 }
-                if matches!(self.dialect, Progress::Openjd | Progress::Percent) {
-                    self.percent();
-                }
+                self.percent(self.part_done());
             }
             Event::Output { path, .. } => {
                 if self.dialect != Progress::Jsonl {
                     self.bar.suspend(|| say(&path.display().to_string()));
                 }
             }
-            Event::Fault(fault) => match self.dialect {
-                Progress::Openjd => say(&format!("openjd_fail: {}", fault.message.replace('\n', " "))),
-                _ => self.bar.suspend(|| note(&rendered(fault, false))),
-            },
+            Event::Fault(fault) => {
+                if self.dialect == Progress::Openjd {
+                    say(&format!("openjd_fail: {}", one_line(&fault.message)));
+                }
+                self.bar.suspend(|| note(&rendered(fault, false)));
+            }
             Event::Warning(warning) => self.warn(warning),
             Event::FrameDone { frame, delivered } => self.frame_done(frame, delivered),
         }
     }
+}
+
+/// The text with spaces for whatever a reader may take for the end of a line.
+fn one_line(text: &str) -> String {
+    text.replace(|c: char| c.is_control() || matches!(c, '\u{2028}' | '\u{2029}'), " ")
 }
 
 fn json_event(event: &Event<'_>) -> Json {

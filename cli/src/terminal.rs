@@ -18,8 +18,13 @@ pub fn output_is_closed() -> bool {
 
 /// Writes a line to standard output, at once.
 pub fn say(line: &str) {
+    print(&format!("{line}\n"));
+}
+
+/// Writes lines to standard output, at once.
+pub fn print(text: &str) {
     let mut out = std::io::stdout().lock();
-    let Err(error) = writeln!(out, "{line}").and_then(|()| out.flush()) else { return };
+    let Err(error) = out.write_all(text.as_bytes()).and_then(|()| out.flush()) else { return };
     if error.kind() == ErrorKind::BrokenPipe {
         // Where nobody reads any more there is nobody to tell.
         OUTPUT_CLOSED.store(true, Ordering::Relaxed);
@@ -34,9 +39,9 @@ pub fn output_was_lost() -> bool {
     OUTPUT_LOST.load(Ordering::Relaxed)
 }
 
-/// Writes a line to standard error.
+/// Writes a line to standard error, in one piece: others may write to the same pipe.
 pub fn note(line: &str) {
-    let _ = writeln!(std::io::stderr().lock(), "{line}");
+    let _ = std::io::stderr().lock().write_all(format!("{line}\n").as_bytes());
 }
 
 /// Shows a fault or a warning on standard error, as wide and as coloured as that allows.

@@ -3,6 +3,7 @@
 #![allow(missing_docs)]
 
 mod fixtures;
+mod format;
 mod forms;
 mod good;
 mod limits;

@@ -6,12 +6,15 @@ mod desk;
 mod dumps;
 mod existing;
 mod explain;
+mod fmt;
 mod frames;
 mod main_job;
+mod pages;
 mod paths;
 mod progress;
 mod queries;
 mod report;
+mod shell;
 #[cfg(unix)]
 mod signals;
 mod wanted;

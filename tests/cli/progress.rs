@@ -1,5 +1,8 @@
 //! What is said while a run goes on, and to whom.
 
+use std::io::{BufRead, BufReader, Read};
+use std::process::Stdio;
+
 use serde_json::Value as Json;
 
 use crate::desk::{Desk, Ended, SMALL_JOB, executed, keys, small_job};
@@ -25,7 +28,7 @@ fn run(progress: &str) -> (Desk, Ended) {
 
 #[test]
 fn a_pipe_gets_plain_lines() {
-    for progress in ["auto", "human", "plain", "percent", "none"] {
+    for progress in ["auto", "human", "plain", "none"] {
         let (desk, ended) = run(progress);
         let controls = |text: &str| text.chars().any(|c| c.is_control() && c != '\n');
         assert!(!controls(&ended.stderr) && !controls(&ended.stdout), "{progress}: {ended:?}");
@@ -52,13 +55,57 @@ fn none_says_nothing() {
     desk.run("run job.ron --progress none").says(3, &["plate.png"]);
 }
 
+/// The numbers of the lines that begin so.
+fn percents(stdout: &str, before: &str, behind: &str) -> Vec<u32> {
+    let number = |line: &str| line.strip_prefix(before)?.strip_suffix(behind)?.parse().ok();
+    stdout.lines().filter_map(number).collect()
+}
+
 #[test]
-fn percent_rises_to_100() {
-    let (_desk, ended) = run("percent");
-    let percents: Vec<u32> = (ended.stderr.lines())
-        .map(|line| line.strip_suffix('%').and_then(|n| n.parse().ok()).unwrap_or_else(|| panic!("{line}")))
-        .collect();
-    assert!(percents.is_sorted() && percents.last() == Some(&100), "{percents:?}");
+fn farms_see_percents_from_0_to_100() {
+    for (progress, before, behind) in [("percent", "Progress: ", "%"), ("openjd", "openjd_progress: ", "")] {
+        let desk = shot();
+        for line in ["--no-cache", "", "", "--existing skip"] {
+            let ended = desk.run(&format!("run job.ron --progress {progress} {line}")).expect(0);
+            let percents = percents(&ended.stdout, before, behind);
+            assert!(percents.is_sorted_by(|one, next| one < next), "{percents:?}");
+            assert_eq!((percents.first(), percents.last()), (Some(&0), Some(&100)), "{line} {ended:?}");
+            assert_eq!(ended.stderr, "");
+            let strict = ["Error", "error:", "Exception", "Warning", "warning:"];
+            assert!(!strict.iter().any(|word| ended.stdout.contains(word)), "{ended:?}");
+        }
+    }
+    let (desk, ended) = run("percent");
+    let paths = ended.stdout.lines().filter(|line| !line.starts_with("Progress: "));
+    assert!(paths.map(std::path::Path::new).all(|path| path.starts_with(desk.path("out"))), "{ended:?}");
+}
+
+#[test]
+fn lines_come_while_the_run_goes_on() {
+    for (progress, from_stdout, first) in [
+        ("plain", false, "frame "),
+        ("percent", true, "Progress: 0%"),
+        ("openjd", true, "openjd_progress: 0"),
+        ("jsonl", true, "{\"event\":\"begun\""),
+    ] {
+        let desk = Desk::new();
+        desk.shot(
+            "job.ron",
+            "1-100000",
+            r#""card": Checker(size: (64, 64), cell: 8.0), "grid": Lattice(domain: "card", cell: 8.0),
+            "bend": Arc(grid: "grid", angle: Keys([(1, 1.0), (100000, 90.0)])),
+            "warped": Resample(image: "card", warp: "bend"), "out": Save(image: "warped", path: "out/bend.#.png")"#,
+        );
+        let mut command = desk.command(["run", "job.ron", "--no-cache", "--progress", progress]);
+        let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("the binary starts");
+        let (out, err) = (child.stdout.take().expect("a pipe"), child.stderr.take().expect("a pipe"));
+        let pipe: Box<dyn Read> = if from_stdout { Box::new(out) } else { Box::new(err) };
+        let line = BufReader::new(pipe).lines().next().expect("a line").expect("text");
+        child.kill().expect("it can be stopped");
+        let status = child.wait().expect("it ends");
+        assert!(!status.success(), "{progress}: the first line came when all was done");
+        assert!(line.starts_with(first), "{progress}: {line}");
+    }
 }
 
 #[test]
@@ -88,17 +135,24 @@ fn jsonl_tells_faults() {
 fn openjd_lines() {
     let (_desk, ended) = run("openjd");
     let lines: Vec<&str> = ended.stdout.lines().collect();
-    let percents: Vec<u32> =
-        lines.iter().filter_map(|line| line.strip_prefix("openjd_progress: ")?.parse().ok()).collect();
-    assert!(percents.is_sorted() && percents.last() == Some(&100), "{lines:?}");
-    assert!(lines.contains(&"openjd_status: warped"), "{lines:?}");
+    assert_eq!(lines[0], "openjd_progress: 0");
+    assert!(lines.contains(&"openjd_status: warped (frame 3)") && lines.contains(&"openjd_status: card"), "{lines:?}");
     let desk = small_job();
     std::fs::remove_file(desk.path("plate.png")).expect("it is there");
-    let ended = desk.run("run job.ron --progress openjd").expect(3);
+    let ended = desk.run("run job.ron --progress openjd").says(3, &["error[input_unreadable]", "job.ron:"]);
     assert!(
         ended.stdout.lines().any(|line| line.starts_with("openjd_fail: ") && line.contains("plate.png")),
         "{ended:?}"
     );
+}
+
+#[test]
+fn openjd_lines_stay_one_line() {
+    let desk = Desk::new();
+    desk.graph("job.ron", r#""plate": Load(path: "two\nlines.png"), "out": Save(image: "plate", path: "out.png")"#);
+    let ended = desk.run("run job.ron --progress openjd").expect(3);
+    assert!(ended.stdout.lines().all(|line| line.starts_with("openjd_")), "{ended:?}");
+    assert!(ended.stdout.contains("lines.png"), "{ended:?}");
 }
 
 #[test]
@@ -112,6 +166,8 @@ fn a_closed_pipe_is_a_quiet_end() {
         "nodes",
         "nodes --format json",
         "graph job.ron --format dot",
+        "completions bash",
+        "man",
         "--help",
         "--version",
     ] {

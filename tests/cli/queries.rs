@@ -120,8 +120,21 @@ fn graphs_are_drawn() {
     let json = parsed(&desk.run("graph job.ron --format json").expect(0).stdout);
     assert_eq!(keys(&json), ["schema", "nodes", "edges", "targets"]);
     assert_eq!((json["nodes"].as_array().map(Vec::len), &json["targets"]), (Some(10), &json!(["out"])));
-    let edge = json!({ "from": "parts", "output": "labels", "to": "factor", "port": "features" });
+    let edge = json!({ "from": "parts", "output": "labels", "to": "factor", "port": "features", "linked": false });
     assert!(json["edges"].as_array().is_some_and(|edges| edges.len() == 11 && edges.contains(&edge)), "{json}");
+}
+
+#[test]
+fn what_writes_and_what_is_asked_for_has_a_form_of_its_own() {
+    let desk = Desk::new();
+    desk.graph("job.ron", SMALL_JOB);
+    let dot = desk.run("graph job.ron --target keep --target out").expect(0).stdout;
+    let shape = |id: &str| dot.lines().find(|line| line.contains(&format!("\"{id}\\n"))).map(str::to_owned);
+    assert!(shape("out").is_some_and(|line| line.ends_with(", shape=cylinder]")), "{dot}");
+    assert!(shape("keep").is_some_and(|line| line.ends_with(", peripheries=2]")), "{dot}");
+    assert_eq!((dot.matches("cylinder").count(), dot.matches("peripheries").count()), (1, 1), "{dot}");
+    let mermaid = desk.run("graph job.ron --target keep --target out --format mermaid").expect(0).stdout;
+    assert!(mermaid.contains("[(\"out<br>Save\")]") && mermaid.contains("[[\"keep<br>FeatureWarp\"]]"), "{mermaid}");
 }
 
 #[test]
@@ -130,8 +143,16 @@ fn links_are_edges_too() {
     let linked = SMALL_JOB.replace("angle: 60.0", "angle: \"parts.count\"");
     desk.graph("job.ron", &linked);
     let json = parsed(&desk.run("graph job.ron --format json").expect(0).stdout);
-    let edge = json!({ "from": "parts", "output": "count", "to": "bend", "port": "angle" });
+    let edge = json!({ "from": "parts", "output": "count", "to": "bend", "port": "angle", "linked": true });
     assert!(json["edges"].as_array().is_some_and(|edges| edges.contains(&edge)), "{json}");
+    let dot = desk.run("graph job.ron").expect(0).stdout;
+    let line = |text: &str, piece: &str| text.lines().find(|line| line.contains(piece)).map(str::to_owned);
+    let linked = line(&dot, "headlabel=\"angle\"").expect("an edge");
+    assert!(linked.contains("taillabel=\"count\"") && linked.ends_with("style=dashed]"), "{linked}");
+    assert_eq!(dot.matches("style=dashed").count(), 1, "{dot}");
+    let mermaid = desk.run("graph job.ron --format mermaid").expect(0).stdout;
+    assert_eq!((mermaid.matches(" .-> ").count(), mermaid.matches(" --> ").count()), (1, 11), "{mermaid}");
+    assert!(mermaid.contains("-. \"count to angle\" .->"), "{mermaid}");
     desk.graph("bad.ron", r#""a": Chekcer()"#);
     let ended = desk.run("graph bad.ron --format dot").says(2, &["Checker"]);
     assert_eq!(ended.stdout, "");

@@ -42,8 +42,8 @@ pub(super) fn line_end(text: &str, at: usize) -> usize {
     rest.iter().position(|&byte| byte == b'\n').map_or(text.len(), |len| at + len)
 }
 
-/// Block comments nest.
-fn block_comment_end(bytes: &[u8], open: usize) -> Option<usize> {
+/// Offset behind the block comment that begins at `open`; block comments nest.
+pub(super) fn block_comment_end(bytes: &[u8], open: usize) -> Option<usize> {
     let (mut at, mut level) = (open + 2, 1);
     while level > 0 {
         match (bytes.get(at)?, bytes.get(at + 1)) {

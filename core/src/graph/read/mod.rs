@@ -33,10 +33,12 @@ mod numbers;
 mod quoted;
 mod recover;
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;
+mod tokens;
 mod tree;
 
 pub use lines::Lines;
+pub(super) use tokens::{Token, TokenKind, tokens};
 
 /// A stretch of one source text, in bytes; both ends stand between characters.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]

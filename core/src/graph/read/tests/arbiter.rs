@@ -8,7 +8,7 @@ use super::super::{Int, Ron, Span, Spanned, has_broken, read};
 use super::dice::{Dice, GRAPHS};
 
 /// The same cases every time, unless the environment asks for others or more (`PROPTEST_RNG_SEED`, `PROPTEST_CASES`).
-fn cases(count: u32) -> ProptestConfig {
+pub(in crate::graph) fn cases(count: u32) -> ProptestConfig {
     let asked = ProptestConfig::default();
     let cases = if std::env::var_os("PROPTEST_CASES").is_some() { asked.cases } else { count };
     let rng_seed = if let RngSeed::Random = asked.rng_seed { RngSeed::Fixed(7) } else { asked.rng_seed };

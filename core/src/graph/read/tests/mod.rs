@@ -1,7 +1,7 @@
 //! Ron is the arbiter of what RON is; people are the arbiters of what is said about it.
 
-mod arbiter;
+pub(in crate::graph) mod arbiter;
 #[path = "../../../../../tests/src/graphs/dice.rs"]
-mod dice;
+pub(in crate::graph) mod dice;
 mod messages;
 mod speed;

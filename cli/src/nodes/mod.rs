@@ -1,7 +1,12 @@
 //! `warploom nodes`: what node types there are, from their own declarations.
 
+mod pages;
+
+use std::path::Path;
+
 use serde_json::{Value as Json, json};
 use warploom_core::diag::{Code, Fault, suggestion};
+use warploom_core::engine::{cannot_write, plain, write_file};
 use warploom_core::node::OutputKind;
 use warploom_core::registry::{NodeType, Registry};
 use warploom_core::schema::{Param, Shape};
@@ -9,8 +14,19 @@ use warploom_core::schema::{Param, Shape};
 use crate::args::{NodesArgs, NodesFormat};
 use crate::terminal::{say, show};
 
+pub use pages::{Folders, pages};
+
 /// The command.
-pub fn nodes(args: &NodesArgs, registry: &Registry) -> u8 {
+pub(crate) fn nodes(args: &NodesArgs, registry: &Registry) -> u8 {
+    if let Some(out) = &args.out {
+        return match write_pages(out, args, registry) {
+            Ok(()) => 0,
+            Err(fault) => {
+                show(&fault, false);
+                fault.code.exit_code()
+            }
+        };
+    }
     let Some(name) = &args.name else {
         let all: Vec<&NodeType> = registry.iter().map(|node_type| &**node_type).collect();
         match args.format {
@@ -35,6 +51,23 @@ pub fn nodes(args: &NodesArgs, registry: &Registry) -> u8 {
         NodesFormat::Human => human(node_type),
     });
     0
+}
+
+fn write_pages(out: &Path, args: &NodesArgs, registry: &Registry) -> Result<(), Fault> {
+    if args.format != NodesFormat::Markdown {
+        let fault = Fault::new(Code::Usage, "only pages are written to a folder");
+        return Err(fault.hint("add --format markdown".to_owned()));
+    }
+    let folders = Folders { out, examples: args.examples.as_deref(), pictures: args.pictures.as_deref() };
+    for (name, text) in pages(registry, &folders) {
+        let path = std::path::absolute(out).unwrap_or_else(|_| out.to_owned()).join(name);
+        write_file(&path, text.as_bytes()).map_err(|error| {
+            let message = format!("{} cannot be written: {}", path.display(), plain(&error));
+            Fault::new(Code::OutputUnwritable, message).hint(cannot_write(&error).to_owned())
+        })?;
+        say(&path.display().to_string());
+    }
+    Ok(())
 }
 
 fn output_kind(kind: OutputKind) -> String {
