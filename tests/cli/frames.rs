@@ -101,8 +101,9 @@ fn with_keep_going_the_other_frames_are_delivered() {
 fn frames_beside_damaged_ones_and_bombs_are_delivered() {
     let desk = plates(&[]);
     let mut damaged = desk.read("in/plate.0003.png");
-    let middle = damaged.len() / 2;
-    damaged[middle] ^= 0x55;
+    // The last byte of the packed pixels: behind it are its chunk's checksum and the chunk of the end.
+    let last = damaged.len() - 17;
+    damaged[last] ^= 0x55;
     desk.write("in/plate.0003.png", damaged);
     // A sound head of 65536 x 65536 pixels: width and height, then the checksum of the chunk.
     let mut bomb = desk.read("in/plate.0005.png");

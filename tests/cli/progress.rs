@@ -149,10 +149,13 @@ fn openjd_lines() {
 #[test]
 fn openjd_lines_stay_one_line() {
     let desk = Desk::new();
-    desk.graph("job.ron", r#""plate": Load(path: "two\nlines.png"), "out": Save(image: "plate", path: "out.png")"#);
-    let ended = desk.run("run job.ron --progress openjd").expect(3);
+    let nodes = r#""plate": Load(path: "plate.png"), "out": Save(image: "plate", path: "out.png")"#;
+    desk.graph("two\nlines/job.ron", nodes);
+    let ended: Ended =
+        desk.command(["run", "two\nlines/job.ron", "--progress", "openjd"]).output().expect("it runs").into();
+    let ended = ended.expect(3);
     assert!(ended.stdout.lines().all(|line| line.starts_with("openjd_")), "{ended:?}");
-    assert!(ended.stdout.contains("lines.png"), "{ended:?}");
+    assert!(ended.stdout.contains("lines/plate.png"), "{ended:?}");
 }
 
 #[test]

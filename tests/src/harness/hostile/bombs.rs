@@ -72,7 +72,7 @@ fn pngs() -> Bombs {
         ("a side too long", large(70_000, 1), DAMAGE),
         ("2147483647 x 2147483647", large(0x7fff_ffff, 0x7fff_ffff), DAMAGE),
         ("more pixels than it has", png_of(SMALL, &zeros), &[0, 3]),
-        ("a profile", texts(b"iCCP", b"icc\0\0"), &[0, 3, 7]),
+        ("a profile", texts(b"iCCP", b"icc\0\0"), &[3, 4, 7]),
         ("a text", texts(b"zTXt", b"text\0\0"), &[0, 3, 7]),
         ("an international text", texts(b"iTXt", b"text\0\x01\0\0\0"), &[0, 3, 7]),
         ("50,000 texts", png(SMALL, &vec![(b"tEXt", b"Title\0text".to_vec()); 50_000]), &[0, 3, 7]),
@@ -136,7 +136,6 @@ fn jpegs() -> Bombs {
         ("65535 x 65535, progressive", with_size("progressive grey", [65_535; 2]), CLAIM),
         ("7000 x 7000, whose codes fit but not its planes", with_size("baseline", [7000; 2]), CLAIM),
         ("the same, progressive", with_size("progressive, quartered colour", [7000; 2]), CLAIM),
-        ("CMYK", with_size("CMYK", [7000; 2]), CLAIM),
     ]
 }
 

@@ -1,5 +1,6 @@
 //! PNG of every sort of colour, depth and order of rows, and with every chunk.
 
+use super::{EXIF, profile};
 use crate::Random;
 use crate::harness::hostile::repair::{crc, deflated};
 
@@ -77,6 +78,10 @@ pub fn all() -> Vec<(String, Vec<u8>)> {
     }
     let head = Head { size: [23, 17], depth: 8, color: 2, is_interlaced: false };
     files.push(("all chunks".to_owned(), file(head, &extras())));
+    let named = [b"icc\0\0", &*deflated(&profile())].concat();
+    files.push(("a profile".to_owned(), file(head, &[(b"iCCP", named)])));
+    let curve = [(b"cHRM", numbers(&PRIMARIES)), (b"gAMA", numbers(&[45455])), (b"eXIf", EXIF.to_vec())];
+    files.push(("gamma, primaries, orientation".to_owned(), file(head, &curve)));
     files
 }
 
@@ -105,9 +110,15 @@ pub fn push_chunk(file: &mut Vec<u8>, name: &[u8; 4], content: &[u8]) {
     file.extend(sum.to_be_bytes());
 }
 
+/// White, red, green and blue, in units of 1e-5.
+const PRIMARIES: [u32; 8] = [31270, 32900, 64000, 33000, 30000, 60000, 15000, 6000];
+
+fn numbers(numbers: &[u32]) -> Vec<u8> {
+    numbers.iter().flat_map(|number| number.to_be_bytes()).collect()
+}
+
 /// Every ancillary chunk that may stand before the pixels of an RGB file.
 fn extras() -> Vec<(&'static [u8; 4], Vec<u8>)> {
-    let numbers = |numbers: &[u32]| numbers.iter().flat_map(|n| n.to_be_bytes()).collect::<Vec<u8>>();
     let text = |head: &[u8], packed: Vec<u8>| [head, &packed].concat();
     // The least profile: its size and mark, and no tags.
     let mut profile = vec![0; 132];
@@ -116,7 +127,7 @@ fn extras() -> Vec<(&'static [u8; 4], Vec<u8>)> {
     let mut splt = b"few\0\x08".to_vec();
     splt.extend([1, 2, 3, 255, 0, 1]);
     vec![
-        (b"cHRM", numbers(&[31270, 32900, 64000, 33000, 30000, 60000, 15000, 6000])),
+        (b"cHRM", numbers(&PRIMARIES)),
         (b"gAMA", numbers(&[45455])),
         (b"iCCP", text(b"icc\0\0", deflated(&profile))),
         (b"sBIT", vec![8, 8, 8]),

@@ -168,6 +168,7 @@ fn directory(file: &mut Numbers, offsets: &[u32], sizes: &[u32]) {
         (258, 3, each(layout.bits as u32)),
         (259, 3, vec![layout.compression]),
         (262, 3, vec![if count < 3 { 1 } else { 2 }]),
+        (274, 3, vec![if layout.high_first { 6 } else { 1 }]),
         (277, 3, vec![count]),
         (284, 3, vec![1 + u32::from(layout.is_planar)]),
         (317, 3, vec![layout.predictor]),
