@@ -6,6 +6,7 @@ use std::sync::{Arc, Mutex, OnceLock};
 
 use rayon::prelude::*;
 
+use super::heap::populate;
 use super::{Digest, Hasher};
 
 /// What a buffer may hold: 32-bit samples.
@@ -257,18 +258,27 @@ impl Shelf {
         SHELF.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
     }
 
-    /// The heap of just this length, or, if there is none, none; then others make room for a fresh one.
+    /// A heap of this length, made of the one that is nearest to it, whose content stays. If none comes near, there is
+    /// none; then others make room for a fresh one.
     fn take(len: usize) -> Option<Vec<u32>> {
         let mut shelf = Self::lock();
-        let Some(at) = shelf.heaps.iter().position(|heap| heap.len() == len) else {
+        let nearest = shelf.heaps.iter().enumerate().min_by_key(|(_, heap)| heap.len().abs_diff(len));
+        let Some((at, _)) = nearest.filter(|(_, heap)| heap.len().abs_diff(len) <= len / 4) else {
             let keep = shelf.len.saturating_sub(len);
             let given_back = shelf.cut(keep);
             drop(shelf);
             drop(given_back);
             return None;
         };
-        shelf.len -= len;
-        Some(shelf.heaps.remove(at))
+        let mut heap = shelf.heaps.remove(at);
+        shelf.len -= heap.len();
+        drop(shelf);
+        // The system adds or takes pages at the end, and moves none.
+        heap.truncate(len);
+        heap.shrink_to_fit();
+        heap.reserve_exact(len - heap.len());
+        heap.resize(len, 0);
+        Some(heap)
     }
 
     fn put(heap: Vec<u32>) {
@@ -313,7 +323,11 @@ impl Heap {
             words.par_chunks_mut(FILLED).for_each(|chunk| chunk.fill(0));
             return Self { words, len };
         }
-        Self { words: vec![0; room], len }
+        let mut words = vec![0; room];
+        if room >= SHELF_FLOOR {
+            words.par_chunks_mut(FILLED).for_each(populate);
+        }
+        Self { words, len }
     }
 
     /// Where the samples lie among the words.
@@ -349,10 +363,10 @@ mod tests {
 
     #[test]
     fn rows_are_aligned_and_recycled_buffers_are_zero() {
-        for round in 0..3 {
-            let mut buffer = BufferMut::<f32>::zeroed(1000, 700);
-            assert!(buffer.samples_mut().iter().all(|&sample| sample == 0.0), "round {round}");
-            buffer.row_mut(699).fill(3.0);
+        for height in [700, 700, 640, 760, 300, 701] {
+            let mut buffer = BufferMut::<f32>::zeroed(1000, height);
+            assert!(buffer.samples_mut().iter().all(|&sample| sample == 0.0), "{height} rows");
+            buffer.samples_mut().fill(3.0);
             let buffer = buffer.freeze();
             assert!(buffer.rows().all(|row| row.as_ptr().addr() % 64 == 0));
         }

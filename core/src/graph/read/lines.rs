@@ -38,8 +38,9 @@ impl<T: AsRef<str>> Lines<T> {
     /// The text of a line counted from 1, without its line end; empty for a line that is not there.
     pub fn line(&self, line: usize) -> &str {
         let Some(&start) = line.checked_sub(1).and_then(|index| self.starts.get(index)) else { return "" };
-        let end = self.starts.get(line).map_or(self.text.as_ref().len(), |&next| next as usize - 1);
-        let text = &self.text.as_ref()[start as usize..end];
+        let rest = &self.text.as_ref()[start as usize..];
+        let Some(&next) = self.starts.get(line) else { return rest };
+        let text = &rest[..(next - start) as usize - 1];
         text.strip_suffix('\r').unwrap_or(text)
     }
 }
@@ -60,6 +61,13 @@ mod tests {
         assert_eq!(lines.position(text.len() as u32), (4, 4));
         assert_eq!(lines.position(u32::MAX), (4, 4));
         assert_eq!(["", "a", "änder: \"日本\"", "", "end", ""], [0, 1, 2, 3, 4, 5].map(|line| lines.line(line)));
+    }
+
+    /// Of all that is counted there is a sign in the line.
+    #[test]
+    fn a_return_without_a_newline_ends_no_line() {
+        let lines = Lines::new("a\r\nb\r");
+        assert_eq!((lines.line(1), lines.line(2), lines.position(5)), ("a", "b\r", (2, 3)));
     }
 
     #[test]
