@@ -36,7 +36,7 @@ pub enum Command {
     /// Draw a graph's structure
     #[command(after_long_help = help::GRAPH)]
     Graph(GraphArgs),
-    /// Put graph files into the house's form; keeps comments and values
+    /// Put graph files into the standard form; keeps comments and values
     #[command(after_long_help = help::FMT)]
     Fmt(FmtArgs),
     /// Look after the cache; safe beside running renders

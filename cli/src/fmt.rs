@@ -1,4 +1,4 @@
-//! `warploom fmt`: graph files in the house's form.
+//! `warploom fmt`: graph files in the standard form.
 
 use std::io::{Read, Write};
 use std::path::Path;
@@ -73,9 +73,13 @@ fn standard_input() -> Result<String, Box<Fault>> {
 /// Puts `text` in the place of a file, whole or not at all; its permissions stay, and a link to it stays one.
 fn replace(path: &Path, text: &str) -> std::io::Result<()> {
     let path = path.canonicalize()?;
+    let permissions = path.metadata()?.permissions();
+    if permissions.readonly() {
+        return Err(std::io::ErrorKind::PermissionDenied.into());
+    }
     let mut file = tempfile::NamedTempFile::new_in(path.parent().unwrap_or(Path::new(".")))?;
     file.write_all(text.as_bytes())?;
-    file.as_file().set_permissions(path.metadata()?.permissions())?;
+    file.as_file().set_permissions(permissions)?;
     file.as_file().sync_all()?;
     file.persist(&path)?;
     Ok(())

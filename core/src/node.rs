@@ -51,8 +51,8 @@ pub trait Node: Serialize + DeserializeOwned + JsonSchema + Default + Send + Syn
     }
 
     /// Refuses parameters that do not go together, so that nothing runs before they are mended. Ports cannot be looked
-    /// at. Asked when a graph is checked, where all parameters are constant, and before every `compute`. Of several
-    /// things that are wrong [`NodeError::all`] tells each.
+    /// at. Asked when a graph is checked, where all parameters are constant, and before every `compute`,
+    /// where the first of several errors is told. Of several things that are wrong [`NodeError::all`] tells each.
     fn check(&self) -> Result<(), NodeError> {
         Ok(())
     }
@@ -198,11 +198,17 @@ impl NodeError {
 
     /// Everything that is wrong of several things looked at, for [`Node::check`]: each is told.
     pub fn all(checks: impl IntoIterator<Item = Result<(), NodeError>>) -> Result<(), NodeError> {
-        let mut errors = checks.into_iter().filter_map(Result::err);
+        let mut errors = checks.into_iter().filter_map(Result::err).flat_map(Self::each);
         match errors.next() {
             None => Ok(()),
-            Some(first) => Err(Self { others: first.others.into_iter().chain(errors).collect(), ..first }),
+            Some(first) => Err(Self { others: errors.collect(), ..first }),
         }
+    }
+
+    /// It, and what else is wrong.
+    pub(crate) fn each(mut self) -> impl Iterator<Item = Self> {
+        let others = std::mem::take(&mut self.others);
+        std::iter::once(self).chain(others)
     }
 
     /// Names the parameter or port it is about.

@@ -140,6 +140,12 @@ fn as_written(json: &Json, shape: &Shape) -> String {
         (Shape::Choice(_), Json::Object(content)) => {
             content.keys().next().map(|name| format!("{name}(..)")).unwrap_or_default()
         }
+        (Shape::Struct(params), Json::Object(content)) => {
+            let field = |param: &Param| {
+                Some(format!("{}: {}", param.name, as_written(content.get(&param.name)?, &param.shape)))
+            };
+            format!("({})", params.iter().filter_map(field).collect::<Vec<_>>().join(", "))
+        }
         (Shape::Tuple(shapes), Json::Array(items)) => format!("({})", list(items, &mut shapes.iter())),
         (Shape::List(shape), Json::Array(items)) => {
             format!("[{}]", list(items, &mut std::iter::repeat_with(|| &**shape)))
@@ -394,6 +400,11 @@ impl Shape {
 }
 
 impl PortShape {
+    /// Whether a value of this kind may be connected, made by a node of type `maker`.
+    pub fn takes(&self, kind: Kind, maker: Option<&str>) -> bool {
+        self.kinds.contains(&kind) && (self.maker.is_none() || self.maker.as_deref() == maker)
+    }
+
     /// A port for one connection of a kind.
     pub fn of(kind: Kind) -> Self {
         Self { kinds: vec![kind], arity: Arity::One, windows_only: false, maker: None }

@@ -48,7 +48,7 @@ fn a_plate_is_read_again_for_a_reader_that_looks_at_more_and_nothing_else_runs()
 
     let words = "job.ron --target grid --target parts --target out";
     let foretold = desk.run(&format!("explain {words}")).expect(0).stdout;
-    assert!(foretold.contains("is wanted: all"), "{foretold}");
+    assert!(foretold.contains("now they look at all"), "{foretold}");
     let report = desk.report(&format!("run {words}"));
     executed(&report, ["out", "plate"]);
     assert!(bytes(&report) >= 3 * plane);

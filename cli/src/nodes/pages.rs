@@ -178,7 +178,7 @@ fn facts(node_type: &NodeType) -> String {
         (true, format!("Version {}.", node_type.version)),
         (node_type.sink, "Writes files.".to_owned()),
         (node_type.reads_frame, "Depends on the frame number itself.".to_owned()),
-        (node_type.cpu_family, "Its bits hold on one family of processors.".to_owned()),
+        (node_type.cpu_family, "The last bits may differ on another family of processors.".to_owned()),
     ];
     facts.into_iter().filter(|(is_so, _)| *is_so).map(|(_, fact)| fact).collect::<Vec<_>>().join(" ")
 }

@@ -297,7 +297,7 @@ fn wanted_change(plan: &Plan, index: usize, before: &Entry, now: &Entry) -> Chan
     let node = &plan.nodes[index];
     let mut outputs = node.node_type.outputs.iter().zip(before.wanted.iter().zip(&now.wanted));
     let (output, (old, new)) = outputs.find(|(_, (old, new))| old != new)?;
-    let text = format!("of `{}` of `{}` was wanted: {old}; is wanted: {new}", output.name, node.id);
+    let text = format!("readers of `{}.{}` looked at {old}, now they look at {new}", node.id, output.name);
     let why = reason_at(plan, index, None, Reason::Wanted, text);
     Some(Box::new(Why { old: Some(old.to_string().into()), new: Some(new.to_string().into()), ..*why }))
 }

@@ -48,6 +48,7 @@ pub type Companion = Box<dyn Send + Sync>;
 struct Shared {
     storage: Box<dyn Storage>,
     digest: OnceLock<Digest>,
+    bad_samples: OnceLock<u64>,
     companion: OnceLock<Companion>,
 }
 
@@ -56,7 +57,9 @@ impl<T: Sample> Buffer<T> {
     pub fn from_storage(storage: Box<dyn Storage>, width: usize, height: usize, stride: usize) -> Self {
         assert!(stride.is_multiple_of(SAMPLES_PER_LINE) && width <= stride, "stride {stride} for rows of {width}");
         assert!(storage.bytes().len() >= stride * height * size_of::<T>(), "storage is too small");
-        let shared = Arc::new(Shared { storage, digest: OnceLock::new(), companion: OnceLock::new() });
+        let shared =
+            Shared { storage, digest: OnceLock::new(), bad_samples: OnceLock::new(), companion: OnceLock::new() };
+        let shared = Arc::new(shared);
         Self { shared, width, height, stride, sample: PhantomData }
     }
 
@@ -160,6 +163,19 @@ impl<T: Sample> Buffer<T> {
     }
 }
 
+impl Buffer<f32> {
+    /// How many samples are NaN or infinite, counted once per buffer.
+    pub fn bad_samples(&self) -> u64 {
+        if let Some(known) = self.shared.bad_samples.get() {
+            return *known;
+        }
+        // Not inside `get_or_init`, for the same reason as the digest.
+        let of_row = |y| self.row(y).iter().map(|sample| u32::from(!sample.is_finite())).sum::<u32>();
+        let count = (0..self.height).into_par_iter().map(|y| u64::from(of_row(y))).sum();
+        *self.shared.bad_samples.get_or_init(|| count)
+    }
+}
+
 const BAND_BYTES: usize = 1 << 20;
 
 /// Samples of rows with gaps between them that are packed to be hashed together.
@@ -234,7 +250,7 @@ impl<T: Sample> BufferMut<T> {
 /// pages cost more than most kernels (67 ms for 132 MB where hashing it takes 26 ms).
 struct Heap {
     /// As many words as a line more than there are samples: an aligned vector would be filled with zeros on one thread,
-    /// where fresh pages are zeros anyway and are made by the threads that first write them.
+    /// where fresh pages are zeros anyway and are made on all threads.
     words: Vec<u32>,
     len: usize,
 }
@@ -272,8 +288,11 @@ impl Shelf {
         };
         let mut heap = shelf.heaps.remove(at);
         shelf.len -= heap.len();
+        let keep = shelf.len.saturating_sub(len.saturating_sub(heap.len()));
+        let given_back = shelf.cut(keep);
         drop(shelf);
-        // The system adds or takes pages at the end, and moves none.
+        drop(given_back);
+        // On Linux pages are added or taken at the end, and none moves.
         heap.truncate(len);
         heap.shrink_to_fit();
         heap.reserve_exact(len - heap.len());
@@ -308,7 +327,7 @@ pub(crate) fn shelf_bytes() -> u64 {
 }
 
 /// Gives memory that lies ready for new buffers back to the system until at most `keep` bytes are left.
-pub(crate) fn cut_shelf(keep: u64) {
+pub fn cut_shelf(keep: u64) {
     let given_back = Shelf::lock().cut(usize::try_from(keep).unwrap_or(usize::MAX) / size_of::<u32>());
     drop(given_back);
 }
@@ -402,6 +421,15 @@ mod tests {
             let expected = hasher.digest(&Digest::of_bytes(bytemuck::cast_slice(&packed))).finish();
             assert_eq!(Buffer::from_packed(&packed, width as usize, height as usize).digest(), expected, "{width}");
         }
+    }
+
+    #[test]
+    fn bad_samples_are_counted_but_not_gaps() {
+        let mut samples = BufferMut::<f32>::zeroed(5, 3);
+        samples.samples_mut().fill(f32::NAN);
+        (0..3).for_each(|y| samples.row_mut(y).copy_from_slice(&[0.0, f32::NAN, -1.0, f32::NEG_INFINITY, f32::MAX]));
+        let buffer = samples.freeze();
+        assert_eq!((buffer.bad_samples(), buffer.clone().bad_samples()), (6, 6));
     }
 
     #[test]

@@ -12,8 +12,9 @@ mod warp;
 use std::any::Any;
 use std::sync::Arc;
 
+pub use buffer::cut_shelf;
+pub(crate) use buffer::shelf_bytes;
 pub use buffer::{Buffer, BufferMut, Companion, Sample, Storage};
-pub(crate) use buffer::{cut_shelf, shelf_bytes};
 pub use codec::{decode, encode};
 pub use digest::{Digest, Hasher};
 pub use heap::give_back_freed_memory;

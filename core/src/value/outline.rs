@@ -101,10 +101,11 @@ impl Reads {
         }
     }
 
-    /// What two readers look at together, the same whichever comes first.
-    pub fn union(&self, other: &Self) -> Self {
-        let (Some(a), Some(b)) = (self.channels(), other.channels()) else { return Reads::All };
-        let names: BTreeSet<&String> = a.iter().chain(b).collect();
+    /// What readers look at together, the same whichever comes first; without readers the windows.
+    pub fn union<'a>(readers: impl IntoIterator<Item = &'a Self>) -> Self {
+        let names: Option<Vec<&[String]>> = readers.into_iter().map(Reads::channels).collect();
+        let Some(names) = names else { return Reads::All };
+        let names: BTreeSet<&String> = names.into_iter().flatten().collect();
         match names.is_empty() {
             true => Reads::Windows,
             false => Reads::Channels(names.into_iter().cloned().collect()),
@@ -150,12 +151,13 @@ mod tests {
     #[test]
     fn the_union_holds_both_and_has_one_form() {
         let (rg, ba) = (channels(&["R", "G"]), channels(&["B", "A", "R"]));
-        assert_eq!(rg.union(&ba), channels(&["A", "B", "G", "R"]));
+        assert_eq!(Reads::union([&rg, &ba]), channels(&["A", "B", "G", "R"]));
         for reads in [All, Windows, rg.clone(), ba] {
-            assert_eq!(reads.union(&All), All);
-            assert_eq!(reads.union(&rg), rg.union(&reads));
-            assert_eq!(reads.union(&Windows).union(&reads), reads.union(&reads), "windows add nothing");
+            assert_eq!(Reads::union([&reads, &All]), All);
+            assert_eq!(Reads::union([&reads, &rg]), Reads::union([&rg, &reads]));
+            assert_eq!(Reads::union([&reads, &Windows]), Reads::union([&reads]), "windows add nothing");
         }
-        assert_eq!(channels(&[]).union(&Windows), Windows);
+        assert_eq!(Reads::union([&channels(&[]), &Windows]), Windows);
+        assert_eq!(Reads::union([]), Windows, "without readers");
     }
 }

@@ -195,11 +195,11 @@ impl Drawing<'_> {
         let sampling = Sampling { filter, edge: self.border(), clamp_ringing: self.node.clamp_ringing };
         let mut out = self.cx.planes(planes.len(), to.width(), to.height())?;
         let (views, outs) = (planes.iter().map(|plane| view(plane)).collect::<Vec<_>>(), views_mut(&mut out));
-        let (before, drawn) = watched(self.cx, |watch| {
-            let drawn = resample::draw(&self.map(), window(from), window(to), &sampling, &views, outs, watch)?;
-            Ok((resample::bad_samples(&views, watch)?, drawn.bad))
+        let drawn = watched(self.cx, |watch| {
+            resample::draw(&self.map(), window(from), window(to), &sampling, &views, outs, watch)
         })?;
-        self.bad.set([self.bad.get()[0] + before, self.bad.get()[1] + drawn]);
+        let before: u64 = planes.iter().map(|plane| plane.bad_samples()).sum();
+        self.bad.set([self.bad.get()[0] + before, self.bad.get()[1] + drawn.bad]);
         Ok(out)
     }
 

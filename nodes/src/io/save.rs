@@ -16,9 +16,10 @@ use super::codec::{self, Compression, Depth, Encoding, Format, NodeHost, WriteOp
 /// picture gives the same bytes.
 ///
 /// Files say how their colour is stored, so that `Load` and others read what was written: a PNG by the chunks sRGB, gAMA
-/// and cHRM, a TIFF and a JPEG by an ICC profile. With `encoding: Raw` they say nothing. A Radiance HDR has no words
+/// and cHRM, a TIFF and a JPEG by an ICC profile. With `encoding: Raw`, or if the
+/// picture is of an EXR whose chromaticities are not those of Rec.709, they say nothing. A Radiance HDR has no words
 /// for it and is read as linear: one written with `encoding: Srgb` is to be loaded so. It holds numbers of 3e-39 to
-/// 1e38; what is below is 0.
+/// 1e38; what is below and NaN are 0, what is above is 1e38.
 #[derive(Clone, Serialize, Deserialize, JsonSchema, SmartDefault)]
 #[serde(default, deny_unknown_fields)]
 pub struct Save {

@@ -40,7 +40,7 @@ impl Node for Components {
         let (width, height) = (windows.data.width(), windows.data.height());
         if width as u128 * height as u128 > u128::from(u32::MAX) {
             return Err(NodeError::refused(format!(
-                "the mask has {width} x {height} px; labels are for at most 4294967296 px"
+                "the mask has {width} x {height} px; labels are for at most 4294967295 px"
             ))
             .at("mask")
             .hint("crop the mask"));

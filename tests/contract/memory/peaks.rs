@@ -3,7 +3,7 @@
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use warploom_core::engine::{Cancel, Event, Observer};
-use warploom_core::value::BufferMut;
+use warploom_core::value::cut_shelf;
 use warploom_nodes::NODES;
 
 use crate::scene::{Case, cases, engine, run, type_of};
@@ -25,7 +25,8 @@ impl Observer for Peak {
     fn event(&self, event: Event<'_>) {
         match event {
             Event::Started { node: "it", .. } => {
-                clear_shelf();
+                // Planes that are recycled are not seen, nor are those that others are given back for.
+                cut_shelf(0);
                 HEAP.reset_peak_usage();
                 self.before.store(HEAP.current_usage(), Ordering::Relaxed);
             }
@@ -36,12 +37,6 @@ impl Observer for Peak {
             _ => {}
         }
     }
-}
-
-/// Planes that are recycled are not seen, nor are those that others are given back for: takes the place of all that
-/// are kept.
-fn clear_shelf() {
-    drop(BufferMut::<f32>::zeroed(1 << 14, 9000));
 }
 
 /// Bytes that the case's node took and asked for.
@@ -69,7 +64,6 @@ fn every_node_asks_for_the_memory_it_takes() {
     let threads = |at: usize| if cfg!(debug_assertions) { vec![[1, 3][at % 2]] } else { vec![1, 3] };
     let tries = cases.iter().enumerate().flat_map(|(at, case)| threads(at).into_iter().map(move |count| (case, count)));
     for (number, (case, threads)) in tries.enumerate() {
-        // No size twice: a plane that is recycled is not seen.
         let (taken, asked) = measure(case, threads, [1296, 800 + number as u32]);
         let verdict = match () {
             () if taken > asked + asked / 10 + SPARE => "takes more than it asks for",

@@ -131,7 +131,7 @@ struct Case {
 
 impl Case {
     /// Checks the text, reads all that is told, and makes the nodes of a plan; what is not as it must be, in words.
-    fn run(&self, registry: &Registry) -> Option<String> {
+    fn run(&self, registry: &Registry, plans: &AtomicU64) -> Option<String> {
         let flags = &self.flags;
         let is_set = |name: &str| name.len().is_multiple_of(2).then(|| flags.variable.clone());
         let options = Options {
@@ -146,19 +146,20 @@ impl Case {
         let checked = check(&self.text, registry, &options);
         if let Some(plan) = &checked.plan {
             make_nodes(plan, self.number);
+            plans.fetch_add(1, Ordering::Relaxed);
         }
         broken(&self.text, &checked)
     }
 
     /// Runs it, and says what was not as it must be: a panic, an answer or a time.
-    fn tried(&self, registry: &Registry) -> Option<String> {
+    fn tried(&self, registry: &Registry, plans: &AtomicU64) -> Option<String> {
         let begun = Instant::now();
         let wrong =
-            catch_unwind(AssertUnwindSafe(|| self.run(registry))).unwrap_or_else(|_| Some("a panic".to_owned()));
+            catch_unwind(AssertUnwindSafe(|| self.run(registry, plans))).unwrap_or_else(|_| Some("a panic".to_owned()));
         // A machine at other work may be slow; what the case itself computes is not.
         let is_slow = begun.elapsed() > LONGEST && {
             let before = cpu_seconds().unwrap_or_default();
-            self.run(registry);
+            self.run(registry, &AtomicU64::new(0));
             cpu_seconds().unwrap_or_default() - before > LONGEST.as_secs_f64()
         };
         let wrong = wrong.or_else(|| is_slow.then(|| format!("it took longer than {LONGEST:?}")))?;
@@ -182,7 +183,7 @@ fn make_nodes(plan: &Plan, number: u64) {
 
 /// Runs `count` cases from number `first` on, on all processors.
 pub fn fuzz(pool: &Pool, registry: &Registry, first: u64, count: u64) -> Outcome {
-    let next = AtomicU64::new(first);
+    let (next, plans) = (AtomicU64::new(first), AtomicU64::new(0));
     let begun = Instant::now();
     let work = || {
         let mut wrong = Vec::new();
@@ -191,7 +192,7 @@ pub fn fuzz(pool: &Pool, registry: &Registry, first: u64, count: u64) -> Outcome
             if number >= first + count {
                 return wrong;
             }
-            wrong.extend(pool.case(number).tried(registry));
+            wrong.extend(pool.case(number).tried(registry, &plans));
         }
     };
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
@@ -200,10 +201,15 @@ pub fn fuzz(pool: &Pool, registry: &Registry, first: u64, count: u64) -> Outcome
         workers.into_iter().flat_map(|worker| worker.join().expect("cases are caught")).collect()
     });
     let mut outcome = Outcome { figures: Vec::new(), violations };
+    let plans = plans.into_inner();
     let (seconds, peak) = (begun.elapsed().as_secs_f64(), peak_bytes());
-    outcome
-        .figures
-        .push(format!("{count} cases from {first} on, {threads} threads: {seconds:.1} s, {} MiB", peak >> 20));
+    outcome.figures.push(format!(
+        "{count} cases from {first} on, {plans} of them graphs that can run, {threads} threads: {seconds:.1} s, {} MiB",
+        peak >> 20
+    ));
+    // Cases that are all good, or all rubbish, would prove little.
+    let share = plans as f64 / count as f64;
+    outcome.check(count < 1000 || (0.02..0.98).contains(&share), || format!("{plans} of {count} cases can run"));
     outcome.check(peak <= MOST_MEMORY, || format!("{peak} bytes of memory, more than {MOST_MEMORY}"));
     outcome
 }

@@ -44,13 +44,14 @@ impl<'a> Graph<'a> {
         let looked_at = self.looked_at(except, report);
         let is_all = looked_at.len() == self.nodes.len();
         let names: Vec<&str> = looked_at.filter(|&index| index != except).map(|index| self.nodes[index].id).collect();
-        match names.is_empty() {
-            true => Some("the graph has no other node".to_owned()),
-            false if is_all => suggestion(written, names),
-            false => Some(closest(written, names).map_or_else(
-                || format!("it is none of the graph's {} nodes", self.nodes.len()),
-                |name| format!("did you mean `{name}`?"),
-            )),
+        if let Some(name) = closest(written, names.iter().copied()) {
+            return Some(format!("did you mean `{name}`?"));
+        }
+        // A name that is refused is no help.
+        let listed = names.into_iter().filter(|name| is_id(name));
+        match is_all {
+            true => suggestion(written, listed).or_else(|| Some("the graph has no other node".to_owned())),
+            false => Some(format!("it is none of the graph's {} nodes", self.nodes.len())),
         }
     }
 
@@ -111,8 +112,7 @@ impl Entry<'_> {
     /// Whether one of its outputs always gives what a port takes.
     pub fn gives(&self, output: &Output, port: &PortShape) -> bool {
         let maker = self.node_type.as_ref().map(|node_type| &*node_type.name);
-        matches!(output.kind, OutputKind::Is(kind) if port.kinds.contains(&kind))
-            && (port.maker.is_none() || port.maker.as_deref() == maker)
+        matches!(output.kind, OutputKind::Is(kind) if port.takes(kind, maker))
     }
 }
 

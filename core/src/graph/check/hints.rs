@@ -110,7 +110,7 @@ pub(super) fn of_variants(written: &str, variants: &[Variant]) -> Option<String>
     suggestion(written, variants.iter().map(|variant| variant.name.as_str()))
 }
 
-fn is_whole_in(float: f64, range: &IntRange) -> bool {
+pub(super) fn is_whole_in(float: f64, range: &IntRange) -> bool {
     float.fract() == 0.0 && float.abs() < 1e15 && (range.min..=range.max).contains(&(float as i128))
 }
 
@@ -123,7 +123,7 @@ pub(super) fn mend(param: &Param) -> String {
     let is_row = matches!(&param.shape, Shape::Tuple(_));
     if !param.required && is_row {
         let default = param.default_as_written();
-        return format!("write {}: {default}, for example, which it is if left out", param.name);
+        return format!("for example {}: {default}, the default", param.name);
     }
     if !param.required && !matches!(param.shape, Shape::Port(_) | Shape::Struct(_)) {
         return format!("left out, `{}` is {}", param.name, param.default_as_written());

@@ -74,16 +74,17 @@ pub(super) fn finish(graph: Graph, wired: Wired, options: &Options, report: &mut
 
 /// Tells the nodes that heed it what those who run look at of their outputs. Targets are looked at whole.
 fn tell_wanted(nodes: &mut [PlanNode], order: &[usize], targets: &[usize]) {
-    let nothing = |node: &PlanNode| vec![Reads::Windows; node.node_type.outputs.len()];
-    let mut wanted: Vec<Vec<Reads>> = nodes.iter().map(nothing).collect();
-    targets.iter().for_each(|&target| wanted[target].fill(Reads::All));
-    for reader in order.iter().map(|&index| &nodes[index]) {
-        for slot in &reader.slots {
-            let wanted = &mut wanted[slot.source][slot.output];
-            *wanted = wanted.union(&slot.reads);
-        }
-        reader.links.iter().for_each(|&(source, output)| wanted[source][output] = Reads::All);
+    let mut readers: Vec<Vec<Vec<&Reads>>> =
+        nodes.iter().map(|node| vec![Vec::new(); node.node_type.outputs.len()]).collect();
+    for &target in targets {
+        readers[target].iter_mut().for_each(|readers| readers.push(&Reads::All));
     }
+    for reader in order.iter().map(|&index| &nodes[index]) {
+        reader.slots.iter().for_each(|slot| readers[slot.source][slot.output].push(&slot.reads));
+        reader.links.iter().for_each(|&(source, output)| readers[source][output].push(&Reads::All));
+    }
+    let of_node = |outputs: Vec<Vec<&Reads>>| outputs.into_iter().map(Reads::union).collect();
+    let wanted: Vec<Vec<Reads>> = readers.into_iter().map(of_node).collect();
     let heeding = nodes.iter_mut().zip(wanted).filter(|(node, _)| node.node_type.heeds_wanted);
     heeding.for_each(|(node, wanted)| node.wanted = wanted);
 }

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use serde_json::Value as Json;
 
 use super::document::{Entry, Field, Graph};
-use super::hints::{found, instead, mend, of_variants};
+use super::hints::{found, instead, is_whole_in, mend, of_variants};
 use super::{At, Options, Reporter};
 use crate::diag::{Code, Fault, suggestion};
 use crate::graph::frames::{expand_variables, foreign_pattern, has_pattern};
@@ -115,9 +115,8 @@ fn check_together(entry: &Entry, draft: &Draft, report: &mut Reporter) {
     if !draft.params.holes.is_empty() {
         return;
     }
-    let Err(mut error) = draft.node_type.make(&Json::Object(draft.params.json.clone())).check() else { return };
-    let others = std::mem::take(&mut error.others);
-    for error in std::iter::once(error).chain(others) {
+    let Err(error) = draft.node_type.make(&Json::Object(draft.params.json.clone())).check() else { return };
+    for error in error.each() {
         let place = draft.param_at.iter().find(|(name, _)| Some(name.as_str()) == error.parameter);
         let fault = Fault::new(Code::Conflict, error.message).hint(error.hint).node(entry.id);
         let fault = Fault { parameter: error.parameter.map(str::to_owned), ..fault };
@@ -349,7 +348,7 @@ impl Walk<'_> {
             return None;
         }
         if expanded.contains(char::is_control) {
-            let message = format!("`{}` is {expanded:?}, with a sign that cannot be seen", self.param);
+            let message = format!("`{}` is {expanded:?}, which holds a control character", self.param);
             let hint = "a backslash itself is written `\\\\`; a path can use `/`".to_owned();
             self.fault(self.at(value), Code::OutOfRange, message, Some(hint));
             return None;
@@ -459,8 +458,12 @@ impl Walk<'_> {
             }
             (Shape::Integer { .. }, Ron::Float(float)) if !float.is_finite() => self.float(value, *float, shape, unit),
             // Digits too many for 64 bits are read as a float.
-            (Shape::Integer { .. }, Ron::Float(float)) if float.abs() >= u64::MAX as f64 => {
-                self.out_of_range(value, &shown(*float), shape, unit, None)
+            (Shape::Integer { range, .. }, Ron::Float(float))
+                if float.fract() == 0.0 && !is_whole_in(*float, range) =>
+            {
+                let nearest = if *float > 0.0 { range.max } else { range.min };
+                let nearest = (nearest.abs() < 1 << 53).then(|| nearest.to_string());
+                self.out_of_range(value, &shown(*float), shape, unit, nearest)
             }
             _ => self.mistyped(value, shape, unit),
         }

@@ -132,7 +132,7 @@ fn unlike_a_name(reference: &Reference, id: &str) -> Option<String> {
         None if !is_id(id) && text.starts_with(begins) && text.len() > 1 => {
             "a number stands without quotes and unit; nothing is computed here".into()
         }
-        None if !is_id(id) && !text.is_empty() => {
+        None if text.contains(['+', '*', '/', '(', '<', '>', '=']) => {
             "nothing is computed here: write a number, Keys, or \"node.port\"".into()
         }
         Some(_) if takes_list && text.contains(',') => {
@@ -244,15 +244,14 @@ fn check_edge(graph: &Graph, index: usize, reference: &Reference, given: Given, 
     let number = PortShape::of(Kind::Number);
     let port = reference.port.as_ref().unwrap_or(&number);
     let maker = graph.nodes[given.maker].node_type.as_ref().map(|node_type| &*node_type.name);
-    let is_foreign = port.maker.is_some() && port.maker.as_deref() != maker;
-    if port.kinds.contains(&given.kind) && !is_foreign {
+    if port.takes(given.kind, maker) {
         return;
     }
     let takes = match &reference.port {
         Some(port) => PortShape::describe(port),
         None => "a number, or a node that gives Number".to_owned(),
     };
-    let gives = match maker.filter(|_| given.kind == Kind::Factor && is_foreign) {
+    let gives = match maker.filter(|_| given.kind == Kind::Factor && port.maker.is_some()) {
         Some(maker) => format!("the Factor of a {maker}"),
         None => given.kind.to_string(),
     };

@@ -63,7 +63,7 @@ mod tests {
         assert_eq!(["", "a", "änder: \"日本\"", "", "end", ""], [0, 1, 2, 3, 4, 5].map(|line| lines.line(line)));
     }
 
-    /// Of all that is counted there is a sign in the line.
+    /// A column may stand behind the line's last character, and no farther.
     #[test]
     fn a_return_without_a_newline_ends_no_line() {
         let lines = Lines::new("a\r\nb\r");

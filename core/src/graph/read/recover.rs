@@ -329,8 +329,12 @@ impl Reader<'_> {
             }
             let end = self.token_end(start);
             let value = self.text[start..end].trim_matches('"').to_owned();
-            let hint = Some(format!("write {value}: .."));
-            self.fault(start, end, "a parameter's name stands without quotes".to_owned(), hint);
+            let outside = self.open.last().map_or("", |open| self.text[..open.at].trim_end());
+            let hint = match outside.ends_with(|c: char| c.is_alphanumeric() || c == '_') {
+                true => format!("write {value}: .."),
+                false => format!("write {value}: .., or put quoted names in braces: {{ \"{value}\": .. }}"),
+            };
+            self.fault(start, end, "a parameter's name stands without quotes".to_owned(), Some(hint));
             self.at = end;
             return Some(Spanned { value, span: Span::new(start, end) });
         }

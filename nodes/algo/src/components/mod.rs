@@ -21,8 +21,9 @@ use unions::Unions;
 /// Rows that one task labels.
 const BAND_ROWS: usize = 32;
 
-/// Bytes per column that a thread takes while it scans a band.
-const SCAN_BYTES: usize = 96;
+/// Bytes per column that a thread takes while it scans a band: for bits and runs, and for a name of every other pixel,
+/// which is the most there can be, twice, for lists double as they grow.
+const SCAN_BYTES: usize = 32 + 2 * BAND_ROWS / 2 * (size_of::<Extent>() + size_of::<u32>());
 
 /// Which neighbours of a pixel it is connected to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

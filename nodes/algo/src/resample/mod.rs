@@ -180,21 +180,6 @@ fn not_finite(left: usize, width: usize, out: &mut [ViewMut<f32>]) -> u64 {
     out.iter_mut().map(|out| (0..out.height()).map(|y| count(&out.row_mut(y)[left..left + width])).sum::<u64>()).sum()
 }
 
-/// How many samples of some planes are NaN or infinite.
-///
-/// - `planes`: any number of any size.
-/// - `watch`: stops it between rows.
-///
-/// Cost: reads each sample once, rows side by side.
-pub fn bad_samples(planes: &[View<f32>], watch: Watch) -> Result<u64, Interrupted> {
-    let count = |values: &[f32]| values.iter().map(|value| u32::from(!value.is_finite())).sum::<u32>();
-    let plane = |plane: &View<f32>| {
-        let rows = (0..plane.height()).into_par_iter().map(|y| watch.go_on().map(|()| u64::from(count(plane.row(y)))));
-        rows.try_reduce(|| 0, |a, b| Ok(a + b))
-    };
-    planes.iter().map(plane).sum()
-}
-
 /// Draws planes of labels through a warp: [`draw`] with [`Filter::Nearest`] for samples without arithmetic. Returns how
 /// many pixels were drawn.
 pub fn draw_labels(

@@ -29,7 +29,7 @@ pub struct Profile {
 impl Coding {
     /// Of curves and a matrix to linear Rec.709: the named coding that says the same, if there is one.
     pub fn of(curves: [Curve; 3], matrix: Option<Matrix>) -> Self {
-        let curves = curves.map(Curve::named);
+        let (curves, matrix) = (curves.map(Curve::named), matrix.filter(|matrix| !is_identity(matrix)));
         match (&curves, &matrix) {
             ([Curve::Linear, Curve::Linear, Curve::Linear], None) => Self::Linear,
             ([Curve::Srgb, Curve::Srgb, Curve::Srgb], None) => Self::Srgb,
@@ -37,10 +37,10 @@ impl Coding {
         }
     }
 
-    /// Of one curve, and primaries if the picture has colours; None where they span no space.
-    pub fn of_primaries(curve: Curve, primaries: Option<&Chromaticities>) -> Option<Self> {
-        let matrix = match primaries {
-            Some(primaries) => Some(rec709_from_chromaticities(primaries)?).filter(|matrix| !is_identity(matrix)),
+    /// Of one curve, and of primaries, which grey has not; None where they span no space.
+    pub fn of_primaries(curve: Curve, primaries: Option<&Chromaticities>, is_grey: bool) -> Option<Self> {
+        let matrix = match primaries.filter(|_| !is_grey) {
+            Some(primaries) => Some(rec709_from_chromaticities(primaries)?),
             None => None,
         };
         Some(Self::of([curve.clone(), curve.clone(), curve], matrix))

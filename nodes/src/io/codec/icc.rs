@@ -2,7 +2,7 @@
 //!
 //! Only the tags that colour needs are read, whatever else a profile holds and however it is damaged there.
 
-use warploom_algo::colorimetry::{Curve, D50, Matrix, is_identity, pcs_from_d65, pcs_from_rec709, rec709_from_pcs};
+use warploom_algo::colorimetry::{Curve, D50, Matrix, pcs_from_d65, pcs_from_rec709, rec709_from_pcs};
 use warploom_core::node::NodeError;
 
 use super::coding::{Coding, refused};
@@ -56,7 +56,7 @@ impl Icc<'_> {
         let columns = [self.xyz(b"rXYZ")?, self.xyz(b"gXYZ")?, self.xyz(b"bXYZ")?];
         let colorants: Matrix = std::array::from_fn(|r| std::array::from_fn(|c| columns[c][r]));
         let matrix = rec709_from_pcs(&colorants).ok_or("its primaries span no space")?;
-        Ok(Coding::of(curves, Some(matrix).filter(|matrix| !is_identity(matrix))))
+        Ok(Coding::of(curves, Some(matrix)))
     }
 
     fn tag(&self, name: &[u8; 4]) -> Option<&[u8]> {

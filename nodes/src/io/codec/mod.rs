@@ -107,13 +107,14 @@ pub(crate) const MAX_SIDE: usize = 65_536;
 
 /// The picture in the bytes of a file, whose format its first bytes tell.
 ///
-/// The result is scene-linear, with Rec.709 primaries, and premultiplied, unless `encoding` is `Raw`. Messages name no
+/// The result is scene-linear, with Rec.709 primaries (an EXR's stay as they are), and premultiplied, unless `encoding` is `Raw`. Messages name no
 /// path.
 pub fn decode(bytes: &[u8], encoding: Encoding, host: &dyn Host) -> Result<Image, NodeError> {
     decode_wanted(bytes, encoding, &Reads::All, host)
 }
 
-/// What is wanted of the picture in the bytes of a file. Of an EXR nothing else is unpacked.
+/// What is wanted of the picture in the bytes of a file. Of an EXR other parts are not
+/// unpacked.
 pub fn decode_wanted(bytes: &[u8], encoding: Encoding, wanted: &Reads, host: &dyn Host) -> Result<Image, NodeError> {
     let whole = unpacked(bytes, encoding, wanted.channels(), host)?;
     Ok(match wanted.channels() {
@@ -213,6 +214,11 @@ fn unsupported(message: impl Into<String>) -> NodeError {
 /// Bytes of a plane of 4-byte samples in rows of whole cache lines.
 fn plane_bytes(width: usize, height: usize) -> u128 {
     width.next_multiple_of(16) as u128 * height as u128 * 4
+}
+
+/// Bytes of a plane, however the picture is turned.
+fn turned_plane_bytes(width: usize, height: usize) -> u128 {
+    plane_bytes(width, height).max(plane_bytes(height, width))
 }
 
 /// Refuses sizes that no picture has.

@@ -1,6 +1,7 @@
 //! Between interleaved samples, as most formats have them, and pictures.
 
 use rayon::prelude::*;
+use warploom_algo::colorimetry::REC_709;
 use warploom_algo::transfer;
 use warploom_core::node::NodeError;
 use warploom_core::value::{Buffer, Channel, Image, Layer, Plane, Rect, SampleType};
@@ -203,8 +204,21 @@ impl Pixels {
             (_, true) => Alpha::Straight,
             (_, false) => Alpha::Premultiplied,
         };
+        // What the file says would be untrue of other primaries.
+        let coding = if has_foreign_primaries(image) { Coding::Raw } else { coding };
         Ok(Self { width, height, alpha, coding, samples })
     }
+}
+
+/// Whether the chromaticities that an EXR's attribute tells are others than those of Rec.709.
+fn has_foreign_primaries(image: &Image) -> bool {
+    let [red, green, blue] = REC_709.primaries;
+    let rec709 = [red, green, blue, REC_709.white];
+    let told = image.metadata.get("chromaticities").or_else(|| image.primary().metadata.get("chromaticities"));
+    told.is_some_and(|told| {
+        let told = told.bytes.as_chunks().0.iter().map(|&number| f64::from(f32::from_le_bytes(number)));
+        told.zip(rec709.as_flattened()).any(|(told, value)| (told - value).abs() > 1e-3)
+    })
 }
 
 /// What of a picture goes into a file of one colour per pixel.

@@ -7,14 +7,14 @@ use image::codecs::jpeg::{JpegDecoder, JpegEncoder};
 use image::codecs::png::PngDecoder;
 use image::{DynamicImage, ImageBuffer, ImageDecoder, ImageEncoder, ImageError, Limits};
 use rayon::prelude::*;
-use warploom_core::node::{ErrorClass, NodeError};
+use warploom_core::node::NodeError;
 use warploom_core::value::{Image, SampleType};
 
 use super::coding::Coding;
 use super::host::{Host, Sink, Source, joined};
 use super::pixels::{Alpha, Pixels, Samples, deepest};
 use super::{
-    Depth, Encoding, WriteOptions, check_size, icc, plane_bytes, png, rest, start, tags, unreadable, unsupported,
+    Depth, Encoding, WriteOptions, check_size, icc, png, rest, start, tags, turned_plane_bytes, unreadable, unsupported,
 };
 
 /// Room for what a decoder keeps beside the pixels: rows, tables, texts.
@@ -53,15 +53,15 @@ pub fn read_jpeg(bytes: &[u8], encoding: Encoding, host: &dyn Host) -> Result<Pi
 pub fn read_hdr(bytes: &[u8], encoding: Encoding, host: &dyn Host) -> Result<Pixels, NodeError> {
     tags::hdr::check(bytes)?;
     let coding = Coding::of_file(encoding, true, || tags::hdr::coding(bytes))?;
-    let strict = bytes.starts_with(b"#?RADIANCE");
-    read(HdrDecoder::with_strictness(Source::new(bytes, host), strict).map_err(image_error)?, coding, host)
+    // What a line says is looked at here, and overruled where an encoding is given.
+    read(HdrDecoder::new_nonstrict(Source::new(bytes, host)).map_err(image_error)?, coding, host)
 }
 
 /// Reads what `decoder` finds.
 fn read(decoder: impl ImageDecoder, coding: Coding, host: &dyn Host) -> Result<Pixels, NodeError> {
     let (width, height) = decoder.dimensions();
     check_size(width.into(), height.into())?;
-    let planes = u128::from(decoder.color_type().channel_count()) * plane_bytes(width as usize, height as usize);
+    let planes = u128::from(decoder.color_type().channel_count()) * turned_plane_bytes(width as usize, height as usize);
     host.reserve(u128::from(decoder.total_bytes()) + planes)?;
     let has_alpha = decoder.color_type().has_alpha();
     let samples = match DynamicImage::from_decoder(decoder).map_err(image_error)? {
@@ -165,7 +165,7 @@ fn image_error(error: ImageError) -> NodeError {
     let message = error.to_string().replace('\n', " ");
     match error {
         ImageError::Unsupported(_) => unsupported(message),
-        ImageError::Limits(_) => NodeError::new(ErrorClass::OverBudget, "more memory is needed than it declares"),
+        ImageError::Limits(_) => unreadable("the file is damaged: it unpacks to more than it says"),
         ImageError::IoError(e) if e.kind() == std::io::ErrorKind::UnexpectedEof => unreadable("the file ends early"),
         _ => unreadable(format!("the file is damaged: {message}")),
     }

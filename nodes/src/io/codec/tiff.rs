@@ -13,7 +13,9 @@ use warploom_core::value::{Image, SampleType};
 use super::coding::Coding;
 use super::host::{Host, Source};
 use super::pixels::{Alpha, Pixels, Samples, deepest};
-use super::{Depth, Encoding, WriteOptions, check_size, icc, plane_bytes, rest, start, tags, unreadable, unsupported};
+use super::{
+    Depth, Encoding, WriteOptions, check_size, icc, rest, start, tags, turned_plane_bytes, unreadable, unsupported,
+};
 
 /// Reads the first picture of a TIFF: grey or RGB, with alpha or without, 8 or 16 bits or float.
 pub fn read(bytes: &[u8], encoding: Encoding, host: &dyn Host) -> Result<Pixels, NodeError> {
@@ -27,6 +29,10 @@ pub fn read(bytes: &[u8], encoding: Encoding, host: &dyn Host) -> Result<Pixels,
     let orientation = tags::tiff::orientation(&mut decoder)?;
     let alpha = match (count, decoder.find_tag_unsigned_vec::<u16>(Tag::ExtraSamples).map_err(tiff_error)?) {
         (1 | 3, _) => Alpha::None,
+        (2, Some(extra)) if extra.first() == Some(&ExtraSamples::Unspecified.to_u16()) => {
+            return Err(unsupported("its pixels have a second sample beside grey that is not said to be alpha")
+                .hint("keep the grey alone: oiiotool in.tif --ch 0 -o out.tif"));
+        }
         (_, Some(extra)) if extra.first() == Some(&ExtraSamples::AssociatedAlpha.to_u16()) => Alpha::Premultiplied,
         _ => Alpha::Straight,
     };
@@ -36,7 +42,7 @@ pub fn read(bytes: &[u8], encoding: Encoding, host: &dyn Host) -> Result<Pixels,
     let chunk_bytes = u128::from(chunk_width) * u128::from(chunk_height) * count as u128 * u128::from(bits / 8);
     let scratch = chunk_bytes.max(pixel_bytes as u128) + (1 << 20);
     // The scratch is free again before the planes are made.
-    let planes = count as u128 * plane_bytes(width as usize, height as usize);
+    let planes = count as u128 * turned_plane_bytes(width as usize, height as usize);
     host.reserve(pixel_bytes as u128 + scratch.max(planes))?;
     let mut limits = Limits::default();
     limits.decoding_buffer_size = pixel_bytes;
@@ -69,8 +75,10 @@ pub fn read(bytes: &[u8], encoding: Encoding, host: &dyn Host) -> Result<Pixels,
 fn damaged(error: TiffError, decoder: &mut Decoder<Source>) -> NodeError {
     let compression = decoder.find_tag_unsigned::<u16>(Tag::Compression);
     let is_lzw = matches!(compression, Ok(Some(method)) if method == CompressionMethod::LZW.to_u16());
+    let (size, tile) = (decoder.dimensions().unwrap_or((0, 0)), decoder.chunk_dimensions());
+    let is_cut = !size.0.is_multiple_of(tile.0.max(1)) || !size.1.is_multiple_of(tile.1.max(1));
     match decoder.get_chunk_type() {
-        ChunkType::Tile if is_lzw => {
+        ChunkType::Tile if is_lzw && is_cut => {
             unsupported("tiles of LZW cannot be read where they reach over the picture's edge")
                 .hint("pack it otherwise: oiiotool in.tif --compression zip -o out.tif")
         }
@@ -105,8 +113,9 @@ fn read_planes(
     Ok(())
 }
 
-/// Bytes that the decoder takes for a number of a list: as a value of any type, and as what it is wanted as.
-const VALUE_BYTES: u128 = 32 + 8;
+/// Bytes that the decoder takes for a number of a list: as a value of any type, and as what it is wanted as,
+/// beside the list before.
+const VALUE_BYTES: u128 = 32 + 8 + 8;
 
 /// Tags that the decoder reads, each as a list of as many numbers as the file says: sizes, depths, strips, tiles, sorts
 /// of samples, orientation, primaries.
@@ -132,7 +141,10 @@ fn largest_list(bytes: &[u8]) -> Result<u128, NodeError> {
         let (tag, count) = (number(at, 2)? as u16, number(at.saturating_add(4), word)?);
         if READ.contains(&tag) {
             if count > bytes.len() as u64 {
-                return Err(unreadable(format!("the file is damaged: tag {tag} has {count} values")));
+                return Err(unreadable(format!(
+                    "the file is damaged: tag {tag} has {count} values in {} bytes",
+                    bytes.len()
+                )));
             }
             largest = largest.max(count.into());
         }

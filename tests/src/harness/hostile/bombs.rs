@@ -150,6 +150,7 @@ fn tiffs() -> Bombs {
         is_planar: false,
         is_big: false,
         high_first: true,
+        orientation: 1,
     };
     // Sets the count (if it is not 0) and the value of entries of the directory, known by their tags.
     let patched = |entries: &[(u16, u32, u32)]| {
@@ -217,6 +218,7 @@ fn hdrs() -> Bombs {
         ("a side too long", sized("-Y 4294967295 +X 4294967295", 1000), DAMAGE),
         ("a side no number can be", sized("-Y 99999999999999999999 +X 1", 1000), DAMAGE),
         ("a head without end", sized(&"x".repeat(20 << 20), 0), DAMAGE),
+        ("a head of 10,000,000 lines", sized(&"x\n".repeat(10_000_000), 0), DAMAGE),
         (
             "a line of 1,000,000 runs of nothing",
             [sized("-Y 4 +X 4", 4), [1, 1, 1, 0].repeat(1_000_000)].concat(),

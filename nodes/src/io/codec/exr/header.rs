@@ -125,7 +125,12 @@ fn fits(part: Part, first: Option<&Part>) -> Result<Part, NodeError> {
     match first.is_none_or(|first| shared(first) == shared(&part)) {
         true => Ok(part),
         false => {
-            let message = format!("{} has a display window or pixel aspect ratio of its own", titled(&part.name));
+            let Rect { x0, y0, x1, y1 } = part.display;
+            let message = format!(
+                "{} has a display window ({x0}, {y0} to {x1}, {y1}) or pixel aspect ratio ({}) of its own",
+                titled(&part.name),
+                part.pixel_aspect
+            );
             Err(unreadable(message)
                 .hint("OpenEXR gives all parts of a file one; write the parts to files of their own"))
         }

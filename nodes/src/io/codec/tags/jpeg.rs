@@ -12,15 +12,16 @@ const START_OF_SCAN: u8 = 0xda;
 
 /// How colour is stored: by a profile, else by Exif.
 pub fn coding(bytes: &[u8], host: &dyn Host) -> Result<Option<Coding>, NodeError> {
+    let is_grey = component_count(bytes) == Some(1);
     if let Some(profile) = profile(bytes, host)? {
-        return icc::read(&profile, component_count(bytes) == Some(1)).map(Some);
+        return icc::read(&profile, is_grey).map(Some);
     }
     match exif(bytes).and_then(exif::color_space) {
         None => Ok(None),
         Some(ColorSpace::Srgb) => Ok(Some(Coding::Srgb)),
         Some(ColorSpace::AdobeRgb) => {
             let primaries = Chromaticities { primaries: [[0.64, 0.33], [0.21, 0.71], [0.15, 0.06]], ..REC_709 };
-            Ok(Coding::of_primaries(Curve::Power(563.0 / 256.0), Some(&primaries)))
+            Ok(Coding::of_primaries(Curve::Power(563.0 / 256.0), Some(&primaries), is_grey))
         }
         Some(ColorSpace::Other(number)) => Err(refused(format!(
             "its Exif says of its colour space that it is not sRGB ({number}), and there is no profile to say which"
@@ -65,7 +66,8 @@ fn exif(bytes: &[u8]) -> Option<&[u8]> {
 fn profile(bytes: &[u8], host: &dyn Host) -> Result<Option<Vec<u8>>, NodeError> {
     let segments = segments(bytes).filter(|(marker, _, _)| *marker == 0xe2);
     let parts = segments.filter_map(|(_, data, _)| data.strip_prefix(b"ICC_PROFILE\0"));
-    let mut parts: Vec<&[u8]> = parts.collect();
+    // One more than can be numbered.
+    let mut parts: Vec<&[u8]> = parts.take(256).collect();
     if parts.is_empty() {
         return Ok(None);
     }

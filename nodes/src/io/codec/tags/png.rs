@@ -10,7 +10,7 @@ use warploom_core::node::NodeError;
 use super::super::coding::{Coding, refused};
 use super::super::host::Host;
 use super::super::{icc, unreadable};
-use super::{MAX_PROFILE, exif};
+use super::{MAX_PROFILE, exif, too_long};
 
 /// The most that deflate makes of a byte.
 const MAX_INFLATION: usize = 1032;
@@ -28,11 +28,11 @@ pub fn coding(bytes: &[u8], host: &dyn Host) -> Result<Option<Coding>, NodeError
         return Ok(Some(Coding::Srgb));
     }
     let gamma = find(bytes, b"gAMA")?.map(gamma).transpose()?;
-    let primaries = find(bytes, b"cHRM")?.map(chromaticities).transpose()?.filter(|_| !is_grey);
+    let primaries = find(bytes, b"cHRM")?.map(chromaticities).transpose()?;
     if gamma.is_none() && primaries.is_none() {
         return Ok(None);
     }
-    let coding = Coding::of_primaries(gamma.unwrap_or(Curve::Srgb), primaries.as_ref());
+    let coding = Coding::of_primaries(gamma.unwrap_or(Curve::Srgb), primaries.as_ref(), is_grey);
     coding.map(Some).ok_or_else(|| refused("the primaries of its cHRM chunk span no space"))
 }
 
@@ -71,8 +71,12 @@ fn unpacked(chunk: &[u8], host: &dyn Host) -> Result<Vec<u8>, NodeError> {
     let packed = chunk.get(end + 2..).ok_or_else(damaged)?;
     host.reserve(packed.len().saturating_mul(MAX_INFLATION).min(MAX_PROFILE) as u128)?;
     let mut profile = Vec::new();
-    let read = ZlibDecoder::new(packed).take(MAX_PROFILE as u64).read_to_end(&mut profile);
-    read.map(|_| profile).map_err(|_| damaged())
+    let read = ZlibDecoder::new(packed).take(MAX_PROFILE as u64 + 1).read_to_end(&mut profile);
+    match read {
+        Ok(size) if size > MAX_PROFILE => Err(too_long()),
+        Ok(_) => Ok(profile),
+        Err(_) => Err(damaged()),
+    }
 }
 
 fn gamma(chunk: &[u8]) -> Result<Curve, NodeError> {
@@ -98,7 +102,8 @@ fn cicp(chunk: &[u8], is_grey: bool) -> Result<Coding, NodeError> {
     const P3: [[f64; 2]; 3] = [[0.68, 0.32], [0.265, 0.69], [0.15, 0.06]];
     let d65 = |primaries| Chromaticities { primaries, white: REC_709.white };
     let &[primaries, transfer, 0, 1] = chunk else {
-        return Err(refused(format!("its cICP chunk says {chunk:?}; only full-range RGB can be honoured (.., 0, 1)")));
+        let shown = &chunk[..chunk.len().min(4)];
+        return Err(refused(format!("its cICP chunk says {shown:?}; only full-range RGB can be honoured (.., 0, 1)")));
     };
     let from = match primaries {
         1 => REC_709,
@@ -120,7 +125,7 @@ fn cicp(chunk: &[u8], is_grey: bool) -> Result<Coding, NodeError> {
             return Err(refused(format!("the transfer function {other}{name} of its cICP chunk cannot be honoured")));
         }
     };
-    Coding::of_primaries(curve, Some(&from).filter(|_| !is_grey)).ok_or_else(|| refused("its cICP chunk is damaged"))
+    Coding::of_primaries(curve, Some(&from), is_grey).ok_or_else(|| refused("its cICP chunk is damaged"))
 }
 
 /// What cameras encode by (ITU-R BT.709 and BT.2020), the other way round.

@@ -175,6 +175,10 @@ fn colour_spaces_of_exif() {
     let level = |name: &str| f64::from(row(&raw, name)[1]).powf(563.0 / 256.0);
     let expected = 1.398_35 * level("R") - 0.398_35 * level("G");
     assert!((f64::from(row(&adobe, "R")[1]) - expected).abs() < 1e-4, "{}", row(&adobe, "R")[1]);
+    let (grey, adobe) = (plain("jpg", true), exif(&[], &[(0xa001, 2)], true));
+    let told = read(&with_segments(&grey, &[(0xe1, [b"Exif\0\0", &adobe[..]].concat())]), Encoding::Auto);
+    let level = f64::from(row(&read(&grey, Encoding::Raw), "Y")[1]).powf(563.0 / 256.0);
+    assert!((f64::from(row(&told, "Y")[1]) - level).abs() < 1e-6, "grey has no primaries");
     let rubbish = with_segments(&file, &[(0xe1, b"Exif\0\0MM\0\x2a\xff\xff\xff\xff".to_vec())]);
     assert!(read(&rubbish, Encoding::Auto) == srgb);
 }
@@ -188,7 +192,7 @@ fn inks_are_refused() {
     assert!(error.class == ErrorClass::InputUnsupported && error.message.contains("CMYK"), "{error:?}");
 }
 
-/// Where the first four samples of a picture of 3 x 2 numbered ones come to lie.
+/// Where the samples of a picture of 3 x 2 numbered ones come to lie.
 const UPRIGHT: [[&[u8]; 3]; 8] = [
     [&[1, 2, 3], &[4, 5, 6], &[]],
     [&[3, 2, 1], &[6, 5, 4], &[]],

@@ -10,7 +10,7 @@ use super::super::coding::{Coding, refused};
 use super::super::host::{Host, Source};
 use super::super::icc;
 use super::super::tiff::tiff_error;
-use super::MAX_PROFILE;
+use super::{MAX_PROFILE, too_long};
 
 const TRANSFER_FUNCTION: Tag = Tag::Unknown(301);
 const WHITE_POINT: Tag = Tag::Unknown(318);
@@ -26,7 +26,7 @@ pub fn coding(
     if let Some(entry) = decoder.image_ifd().find_entry(Tag::IccProfile) {
         let size = entry.count() as usize;
         if size > MAX_PROFILE {
-            return Err(refused(format!("its ICC profile is longer than {} MiB", MAX_PROFILE >> 20)));
+            return Err(too_long());
         }
         host.reserve(size as u128)?;
         let mut profile = vec![0; size];
@@ -39,13 +39,13 @@ pub fn coding(
     let mut points =
         |tag| -> Result<Option<Vec<f64>>, NodeError> { Ok(decoder.find_tag(tag).map_err(tiff_error)?.map(fractions)) };
     let (primaries, white) = (points(PRIMARY_CHROMATICITIES)?, points(WHITE_POINT)?);
-    let (Some(primaries), false) = (primaries, is_grey) else { return Ok(None) };
+    let Some(primaries) = primaries.filter(|_| !is_grey) else { return Ok(None) };
     let white = white.unwrap_or(REC_709.white.to_vec());
-    let damaged = || refused("its PrimaryChromaticities or WhitePoint span no space");
+    let damaged = || refused("its PrimaryChromaticities and WhitePoint are not 6 and 2 fractions that span a space");
     let (&[rx, ry, gx, gy, bx, by], &[wx, wy]) = (&primaries[..], &white[..]) else { return Err(damaged()) };
     let from = Chromaticities { primaries: [[rx, ry], [gx, gy], [bx, by]], white: [wx, wy] };
     let curve = if is_float { Curve::Linear } else { Curve::Srgb };
-    Coding::of_primaries(curve, Some(&from)).map(Some).ok_or_else(damaged)
+    Coding::of_primaries(curve, Some(&from), is_grey).map(Some).ok_or_else(damaged)
 }
 
 /// The fractions of a list; none of anything else.

@@ -29,6 +29,8 @@ pub struct Layout {
     pub is_big: bool,
     /// The high byte first.
     pub high_first: bool,
+    /// As Exif numbers it.
+    pub orientation: u32,
 }
 
 const PLAIN: Layout = Layout {
@@ -41,6 +43,7 @@ const PLAIN: Layout = Layout {
     is_planar: false,
     is_big: false,
     high_first: false,
+    orientation: 1,
 };
 
 /// All variations of our own.
@@ -71,7 +74,9 @@ fn layouts() -> Vec<Layout> {
 
 /// All variations.
 pub fn all() -> Vec<(String, Vec<u8>)> {
-    let mut files: Vec<_> = layouts().into_iter().map(|layout| (format!("{layout:?}"), file(layout))).collect();
+    let turned = Layout { orientation: 6, ..PLAIN };
+    let layouts = layouts().into_iter().chain([turned]);
+    let mut files: Vec<_> = layouts.map(|layout| (format!("{layout:?}"), file(layout))).collect();
     for (name, compression) in [
         ("LZW", Compression::Lzw),
         ("packbits", Compression::Packbits),
@@ -168,7 +173,7 @@ fn directory(file: &mut Numbers, offsets: &[u32], sizes: &[u32]) {
         (258, 3, each(layout.bits as u32)),
         (259, 3, vec![layout.compression]),
         (262, 3, vec![if count < 3 { 1 } else { 2 }]),
-        (274, 3, vec![if layout.high_first { 6 } else { 1 }]),
+        (274, 3, vec![layout.orientation]),
         (277, 3, vec![count]),
         (284, 3, vec![1 + u32::from(layout.is_planar)]),
         (317, 3, vec![layout.predictor]),
