@@ -66,7 +66,8 @@ impl Display {
         }
     }
 
-    /// A line about the whole run, in the dialects for people.
+    /// What is told at the end: for people a line about the whole run and how many warnings were left out, for farms
+    /// that all is done.
     pub fn summary(&self, report: &Report) {
         self.bar.finish_and_clear();
         if report.faults.is_empty() && !report.cancelled {

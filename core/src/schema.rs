@@ -170,7 +170,7 @@ impl Range {
 
 impl std::fmt::Display for Range {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match (self.min, self.max, self.above_min) {
+        match (self.min.map(shown), self.max.map(shown), self.above_min) {
             (None, None, _) => f.write_str("any finite number"),
             (Some(min), None, false) => write!(f, "at least {min}"),
             (Some(min), None, true) => write!(f, "more than {min}"),

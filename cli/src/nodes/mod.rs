@@ -14,6 +14,7 @@ use warploom_core::schema::{Param, Shape};
 use crate::args::{NodesArgs, NodesFormat};
 use crate::terminal::{say, show};
 
+use pages::page;
 pub use pages::{Folders, pages};
 
 /// The command.
@@ -31,7 +32,7 @@ pub(crate) fn nodes(args: &NodesArgs, registry: &Registry) -> u8 {
         let all: Vec<&NodeType> = registry.iter().map(|node_type| &**node_type).collect();
         match args.format {
             NodesFormat::Json => say(&Json::Array(all.iter().map(|t| manifest(t)).collect()).to_string()),
-            NodesFormat::Markdown => all.iter().for_each(|node_type| say(&markdown(node_type))),
+            NodesFormat::Markdown => all.iter().for_each(|node_type| say(&page(node_type, None))),
             NodesFormat::Human => {
                 let width = all.iter().map(|node_type| node_type.name.len()).max().unwrap_or_default();
                 all.iter()
@@ -47,7 +48,7 @@ pub(crate) fn nodes(args: &NodesArgs, registry: &Registry) -> u8 {
     };
     say(&match args.format {
         NodesFormat::Json => format!("{:#}", manifest(node_type)),
-        NodesFormat::Markdown => markdown(node_type),
+        NodesFormat::Markdown => page(node_type, None),
         NodesFormat::Human => human(node_type),
     });
     0
@@ -134,19 +135,4 @@ fn human(node_type: &NodeType) -> String {
 fn indented(text: &str, by: usize) -> String {
     let lines = text.lines().map(|line| if line.is_empty() { String::new() } else { format!("{:by$}{line}", "") });
     lines.collect::<Vec<_>>().join("\n")
-}
-
-fn markdown(node_type: &NodeType) -> String {
-    let mut text = format!("## {}\n\n{}\n\n", node_type.name, node_type.doc);
-    text += "| input or parameter | takes | default | meaning |\n|---|---|---|---|\n";
-    for param in &node_type.params {
-        let takes = param.shape.describe(param.unit.as_deref()).replace('|', "\\|");
-        let default = default(param).unwrap_or_else(|| if param.required { "required" } else { "" }.into());
-        text += &format!("| `{}` | {takes} | {default} | {} |\n", param.name, param.doc.replace('\n', " "));
-    }
-    text += "\n| output | kind |\n|---|---|\n";
-    for output in node_type.outputs {
-        text += &format!("| `{}` | {} |\n", output.name, output_kind(output.kind));
-    }
-    text
 }

@@ -29,13 +29,14 @@ pub struct Folders<'a> {
 ///
 /// Nothing is written. Examples and pictures that are not there are left out; the text depends on nothing else.
 pub fn pages(registry: &Registry, folders: &Folders) -> Vec<(String, String)> {
-    let own = registry.iter().map(|node_type| (format!("{}.md", node_type.name), page(node_type, folders)));
+    let own =
+        registry.iter().map(|node_type| (format!("{}.md", node_type.name), linked(page(node_type, Some(folders)))));
     std::iter::once(("README.md".to_owned(), index(registry, folders))).chain(own).collect()
 }
 
 fn index(registry: &Registry, folders: &Folders) -> String {
     let mut text = "# Nodes\n\nEvery node type: first sources, which have no inputs, then by the kind of the first output, last those that\n\
-        write files. `warploom nodes NAME` tells the same at the prompt.\n\n\
+        write files. `warploom nodes NAME` tells it in short at the prompt.\n\n\
         An input takes the name of a node, `\"plate\"`, or of one of its outputs, `\"parts.count\"`. A parameter that is a\n\
         number may change over frames, `Keys([(1001, 0.0), (1012, 60.0)])`, or be linked to a Number output, \
         `\"parts.count\"`;\nwhole numbers only where it is said. Lengths are pixels of the full picture, angles degrees, \
@@ -83,12 +84,19 @@ fn families() -> Vec<(&'static str, Family)> {
     std::iter::once(("Sources", Family::Source)).chain(kinds).chain(last).collect()
 }
 
-fn page(node_type: &NodeType, folders: &Folders) -> String {
+fn linked(page: String) -> String {
+    page + "\n[All nodes](README.md)\n"
+}
+
+/// The page of a node type; without folders it shows no example and no picture.
+pub(super) fn page(node_type: &NodeType, folders: Option<&Folders>) -> String {
     let mut text = format!("# {}\n\n{}\n", node_type.name, node_type.doc);
-    if let Some(path) = own_picture(node_type, folders) {
-        text += &format!("\n![{}]({})\n", node_type.name, relative(folders.out, &path));
+    if let Some(folders) = folders {
+        if let Some(path) = own_picture(node_type, folders) {
+            text += &format!("\n![{}]({})\n", node_type.name, relative(folders.out, &path));
+        }
+        text += &example(node_type, folders).unwrap_or_default();
     }
-    text += &example(node_type, folders).unwrap_or_default();
     let (ports, params): (Vec<&Param>, Vec<&Param>) =
         node_type.params.iter().partition(|param| matches!(param.shape, Shape::Port(_)));
     if !ports.is_empty() {
@@ -111,7 +119,7 @@ fn page(node_type: &NodeType, folders: &Folders) -> String {
     for output in node_type.outputs {
         let _ = writeln!(text, "| `{}` | {} |", output.name, output_kind(output.kind));
     }
-    text + &format!("\n{}\n\n[All nodes](README.md)\n", facts(node_type))
+    text + &format!("\n{}\n", facts(node_type))
 }
 
 fn port_takes(port: &Param) -> String {
@@ -187,7 +195,8 @@ fn facts(node_type: &NodeType) -> String {
 fn example(node_type: &NodeType, folders: &Folders) -> Option<String> {
     let path = folders.examples?.join(snake_case(&node_type.name)).join("graph.ron");
     let graph = fs::read_to_string(&path).ok()?;
-    let graph = format(&path, &graph).ok()?;
+    // One that cannot be formatted is shown as it is.
+    let graph = format(&path, &graph).unwrap_or(graph);
     let head = graph.lines().take_while(|line| line.starts_with("//")).count();
     let says = |line: &&str| !line.starts_with("// tolerance:");
     let caption: Vec<&str> =

@@ -1,6 +1,7 @@
 //! Texts to check: good graphs, what mutations make of them, and what never was one; and what must hold of every
 //! answer.
 
+#[path = "../../../core/src/graph/read/tests/dice.rs"]
 pub mod dice;
 mod fuzz;
 mod generate;

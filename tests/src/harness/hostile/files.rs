@@ -89,6 +89,8 @@ fn place(binary: &Path) -> Place {
 /// Reads a file of this content.
 fn look(place: &Place, bytes: &[u8]) -> Seen {
     std::fs::write(place.path("picture"), bytes).expect("room on the disk");
+    // That of the file before would stand for a run that is killed.
+    let _ = std::fs::remove_file(place.path("report.json"));
     let line =
         format!("run load.ron --target picture --no-cache --memory {BUDGET}M --report report.json --progress none");
     let mut child = place.command(&line).spawn().expect("the binary starts");
