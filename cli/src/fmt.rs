@@ -1,10 +1,10 @@
 //! `warploom fmt`: graph files in the standard form.
 
-use std::io::{Read, Write};
+use std::io::Read;
 use std::path::Path;
 
 use warploom_core::diag::{Code, Fault};
-use warploom_core::engine::{cannot_write, plain};
+use warploom_core::engine::{cannot_write, plain, write_file};
 use warploom_core::graph::check::MAX_BYTES;
 use warploom_core::graph::format;
 
@@ -47,7 +47,7 @@ fn one(path: &Path, check: bool) -> Result<u8, Vec<Fault>> {
         (true, false) => print(&formatted),
         (false, false) if formatted == text => {}
         (false, false) => {
-            replace(path, &formatted).map_err(|error| {
+            write_file(path, formatted.as_bytes()).map_err(|error| {
                 let message = format!("{} cannot be written: {}", path.display(), plain(&error));
                 vec![Fault::new(Code::OutputUnwritable, message).hint(cannot_write(&error).to_owned())]
             })?;
@@ -68,19 +68,4 @@ fn standard_input() -> Result<String, Box<Fault>> {
     }
     String::from_utf8(bytes)
         .map_err(|error| refused(format!("byte {} of standard input is not UTF-8", error.utf8_error().valid_up_to())))
-}
-
-/// Puts `text` in the place of a file, whole or not at all; its permissions stay, and a link to it stays one.
-fn replace(path: &Path, text: &str) -> std::io::Result<()> {
-    let path = path.canonicalize()?;
-    let permissions = path.metadata()?.permissions();
-    if permissions.readonly() {
-        return Err(std::io::ErrorKind::PermissionDenied.into());
-    }
-    let mut file = tempfile::NamedTempFile::new_in(path.parent().unwrap_or(Path::new(".")))?;
-    file.write_all(text.as_bytes())?;
-    file.as_file().set_permissions(permissions)?;
-    file.as_file().sync_all()?;
-    file.persist(&path)?;
-    Ok(())
 }

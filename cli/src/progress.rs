@@ -187,7 +187,9 @@ impl Observer for Display {
             }
             Event::Fault(fault) => {
                 if self.dialect == Progress::Openjd {
-                    say(&format!("openjd_fail: {}", one_line(&fault.message)));
+                    let of = fault.node.iter().map(|node| format!("{node}: ")).collect::<String>();
+                    let at = fault.frame.map_or(String::new(), |frame| format!("frame {frame}: "));
+                    say(&format!("openjd_fail: {}", one_line(&format!("{at}{of}{}", fault.message))));
                 }
                 self.bar.suspend(|| note(&rendered(fault, false)));
             }

@@ -84,3 +84,58 @@ fn a_name_that_is_not_text_is_no_panic() {
         }
     }
 }
+
+/// The same file under two names would be its own input.
+#[test]
+#[cfg(unix)]
+fn what_is_read_is_not_written_through_links() {
+    let desk = Desk::new();
+    desk.card("shots/plate.png", "Checker(size: (16, 16), cell: 4.0)");
+    let before = desk.read("shots/plate.png");
+    std::os::unix::fs::symlink(desk.path("shots"), desk.path("alias")).expect("a link");
+    std::os::unix::fs::symlink(desk.path("shots/plate.png"), desk.path("latest.png")).expect("a link");
+    for out in ["alias/plate.png", "latest.png"] {
+        let nodes = format!(r#""in": Load(path: "shots/plate.png"), "out": Save(image: "in", path: "{out}")"#);
+        desk.graph("over.ron", &nodes);
+        desk.run("run over.ron").says(2, &["sink_conflict", "write to another file"]);
+    }
+    desk.graph("read.ron", r#""in": Load(path: "shots/plate.png")"#);
+    desk.run("run read.ron --target in --dump in=alias/plate.png").expect(2);
+    assert_eq!(desk.read("shots/plate.png"), before);
+}
+
+/// As an editor would: links stay links, permissions stay, and what is read-only is left alone.
+#[test]
+#[cfg(unix)]
+fn files_that_are_there_keep_what_they_are() {
+    use std::os::unix::fs::PermissionsExt;
+    let desk = Desk::new();
+    desk.graph("job.ron", r#""in": Checker(size: (16, 16)), "out": Save(image: "in", path: "latest.png")"#);
+    desk.write("store/v001.png", "an older one");
+    let mode = |mode| std::fs::set_permissions(desk.path("store/v001.png"), PermissionsExt::from_mode(mode));
+    std::os::unix::fs::symlink("store/v001.png", desk.path("latest.png")).expect("a link");
+    mode(0o444).expect("a mode");
+    desk.run("run job.ron").says(6, &["latest.png", "read-only", "chmod u+w"]);
+    assert_eq!(desk.read("store/v001.png"), b"an older one");
+    mode(0o664).expect("a mode");
+    desk.run("run job.ron").expect(0);
+    let there = desk.path("store/v001.png").metadata().expect("it is there");
+    assert_eq!((there.permissions().mode() & 0o777, &desk.read("store/v001.png")[1..4]), (0o664, &b"PNG"[..]));
+    assert!(desk.path("latest.png").is_symlink());
+    assert_eq!(desk.files("store"), ["v001.png"]);
+}
+
+/// A report may go into a pipe or a device; a picture may not.
+#[test]
+#[cfg(target_os = "linux")]
+fn pipes_and_devices_stay() {
+    let desk = Desk::new();
+    desk.graph("job.ron", r#""in": Checker(size: (16, 16)), "out": Save(image: "in", path: "out.png")"#);
+    desk.run("run job.ron --report /dev/null --no-cache").expect(0);
+    let ended = desk.run("run job.ron --report /dev/stdout --no-cache").expect(0);
+    assert!(ended.stdout.contains("\"schema\""), "{ended:?}");
+    std::os::unix::fs::symlink("/dev/null", desk.path("null.png")).expect("a link");
+    desk.graph("null.ron", r#""in": Checker(size: (16, 16)), "out": Save(image: "in", path: "null.png")"#);
+    desk.run("run null.ron --no-cache").says(6, &["not a regular file"]);
+    assert!(!Path::new("/dev/null").is_file());
+}

@@ -59,9 +59,18 @@ fn write_pages(out: &Path, args: &NodesArgs, registry: &Registry) -> Result<(), 
         let fault = Fault::new(Code::Usage, "only pages are written to a folder");
         return Err(fault.hint("add --format markdown".to_owned()));
     }
+    for folder in [&args.examples, &args.pictures].into_iter().flatten().filter(|folder| !folder.is_dir()) {
+        let fault = Fault::new(Code::InputUnreadable, format!("the folder {} does not exist", folder.display()));
+        return Err(fault.hint("give one that does, or leave it out".to_owned()));
+    }
     let folders = Folders { out, examples: args.examples.as_deref(), pictures: args.pictures.as_deref() };
     for (name, text) in pages(registry, &folders) {
         let path = std::path::absolute(out).unwrap_or_else(|_| out.to_owned()).join(name);
+        let title = |text: &str| text.lines().next().unwrap_or_default().to_owned();
+        if std::fs::read_to_string(&path).is_ok_and(|there| title(&there) != title(&text)) {
+            let fault = Fault::new(Code::OutputUnwritable, format!("{} is there, and is no such page", path.display()));
+            return Err(fault.hint("write pages to a folder of their own".to_owned()));
+        }
         write_file(&path, text.as_bytes()).map_err(|error| {
             let message = format!("{} cannot be written: {}", path.display(), plain(&error));
             Fault::new(Code::OutputUnwritable, message).hint(cannot_write(&error).to_owned())

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
 use super::Existing;
-use super::io::{self as door, Durable, Io, cannot_write, plain};
+use super::io::{self as door, Io, cannot_write, plain};
 use super::memory::Purpose;
 use crate::node::{ErrorClass, In, NodeError, Output, Port, ReadPath, Request, WritePath};
 use crate::value::{BufferMut, Digest, Given, Reads, Sample};
@@ -125,7 +125,7 @@ impl Context<'_> {
             self.verify(&artifact)?;
         } else {
             self.go_on()?;
-            door::replace(self.io, path, Durable::Yes, &mut |out| out.write_all(bytes)).map_err(|e| {
+            door::deliver(self.io, path, bytes).map_err(|e| {
                 let message = format!("cannot write {}: {}", path.display(), plain(&e));
                 NodeError::new(ErrorClass::OutputUnwritable, message).hint(cannot_write(&e))
             })?;

@@ -327,10 +327,42 @@ pub(crate) fn now() -> i128 {
     SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |d| d.as_nanos() as i128)
 }
 
-/// Writes a file whole or not at all, for good. Makes missing folders.
+/// Writes a file whole or not at all, for good. Makes missing folders. What is no regular file, a pipe or a device, is
+/// written into.
 pub fn write_file(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    replace(&Disk, path, Durable::Yes, &mut |out| out.write_all(bytes))
+    match path.metadata() {
+        Ok(there) if !there.is_file() && !there.is_dir() => {
+            std::fs::OpenOptions::new().write(true).open(path)?.write_all(bytes)
+        }
+        _ => deliver(&Disk, path, bytes),
+    }
 }
+
+/// Writes a file for people, whole or not at all: a link to it stays one, it keeps its permissions, and one that is
+/// read-only is refused, as is what is no regular file.
+pub(crate) fn deliver(io: &dyn Io, path: &Path, bytes: &[u8]) -> io::Result<()> {
+    let mut content = |out: &mut dyn Write| out.write_all(bytes);
+    let Ok(there) = path.metadata() else {
+        // Not there, or a link to what is not.
+        let linked = path.read_link().map(|linked| path.parent().unwrap_or(Path::new("")).join(linked));
+        return replace(io, linked.as_deref().unwrap_or(path), Durable::Yes, &mut content);
+    };
+    if there.is_file() && there.permissions().readonly() {
+        return Err(io::Error::new(ErrorKind::PermissionDenied, READ_ONLY));
+    }
+    if !there.is_file() && !there.is_dir() {
+        return Err(io::Error::new(ErrorKind::InvalidInput, "it is not a regular file"));
+    }
+    let path = path.canonicalize()?;
+    replace(io, &path, Durable::Yes, &mut content)?;
+    if there.is_file() {
+        // The content is whole already: that of another's file cannot keep all permissions is no reason to fail.
+        let _ = std::fs::set_permissions(&path, there.permissions());
+    }
+    Ok(())
+}
+
+const READ_ONLY: &str = "it is read-only";
 
 /// An I/O error without the number at its end.
 pub fn plain(error: &std::io::Error) -> String {
@@ -343,6 +375,9 @@ pub fn cannot_write(error: &std::io::Error) -> &'static str {
     match error.kind() {
         ErrorKind::StorageFull | ErrorKind::QuotaExceeded => "make room there, or write elsewhere",
         ErrorKind::FileTooLarge => "raise the limit on the size of files (`ulimit -f`), or write elsewhere",
+        ErrorKind::PermissionDenied if error.to_string() == READ_ONLY => {
+            "make it writable (`chmod u+w`), or write elsewhere"
+        }
         ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem => "write to a folder that is yours to write to",
         ErrorKind::IsADirectory => "a folder has that name: write to another",
         ErrorKind::NotADirectory | ErrorKind::AlreadyExists => "a file has the name of a folder: write elsewhere",

@@ -74,6 +74,14 @@ pub fn foreign_pattern(path: &str) -> Option<(&str, String)> {
                 let name = Some(word(2)).filter(|name| !name.is_empty() && rest[2 + name.len()..].starts_with('}'))?;
                 Some((&rest[..name.len() + 3], format!("$(env:{name})")))
             }
+            "$" if rest.starts_with("$(") => {
+                let (inside, is_closed) =
+                    rest[2..].split_once(')').map_or((&rest[2..], false), |(inside, _)| (inside, true));
+                let name = inside.rsplit([':', '/']).next().unwrap_or_default();
+                let is_right = is_closed && inside.strip_prefix("env:").is_some_and(|name| !name.is_empty());
+                let part = &rest[..2 + inside.len() + usize::from(is_closed)];
+                (!is_right).then(|| (part, format!("$(env:{})", if name.is_empty() { "NAME" } else { name })))
+            }
             "$" => match word(1).strip_prefix('F') {
                 Some(width) if is_width(width) => frame(width.len() + 2, width),
                 _ if word(1).starts_with(|c: char| c.is_ascii_alphabetic()) => {
@@ -120,10 +128,14 @@ pub fn paths_over<'a>((folder, rest): (&'a str, &'a str), frames: &'a [i64]) -> 
     one.into_iter().chain(frames.iter().map(move |&frame| format!("{folder}{}", expand_pattern(rest, frame))))
 }
 
-/// A path in the form in which two that may be one file are equal: `.` and `..` resolved, case folded.
+/// A path in the form in which two that may be one file are equal: links, `.` and `..` resolved, case folded.
 pub fn folded(path: &str) -> String {
+    let path = Path::new(path);
+    // What of it is there already may be reached by links.
+    let real = |there: &Path| Some(there.canonicalize().ok()?.join(path.strip_prefix(there).ok()?));
+    let real = path.ancestors().find_map(real).unwrap_or_else(|| path.to_owned());
     let mut resolved = PathBuf::new();
-    for part in Path::new(path).components() {
+    for part in real.components() {
         match part {
             Component::CurDir => {}
             Component::ParentDir => {
@@ -190,6 +202,9 @@ mod tests {
             ("100%/a~1.$5.exr", None),
             ("é%é$é~é.####.exr", None),
             ("$(env:SHOT)/${", None),
+            ("$(env:SHOT)/$(evn:JOB)/a.exr", Some(("$(evn:JOB)", "$(env:JOB)"))),
+            ("$(HOME)/a.exr", Some(("$(HOME)", "$(env:HOME)"))),
+            ("$(env:)/a.exr", Some(("$(env:)", "$(env:NAME)"))),
         ] {
             let expected = found.map(|(part, instead)| (part, instead.to_owned()));
             assert_eq!(foreign_pattern(path), expected, "{path}");

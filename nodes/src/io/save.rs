@@ -10,7 +10,7 @@ use super::codec::{self, Compression, Depth, Encoding, Format, NodeHost, WriteOp
 
 /// Writes a picture in the format that the extension names: exr, png, jpg, jpeg, tif, tiff, hdr.
 ///
-/// EXR keeps every layer, channel, window and attribute. The others hold the display window of the first layer's
+/// EXR keeps every layer, channel, window and attribute; lines take the place of tiles, from the top down. The others hold the display window of the first layer's
 /// `R`, `G`, `B` (or `Y`), and straight `A` where the format has alpha; what else there is is left out, and pixels
 /// outside the data window are 0. JPEG and HDR have no alpha: they get the colour as seen over black. The same
 /// picture gives the same bytes.

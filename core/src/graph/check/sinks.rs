@@ -173,11 +173,13 @@ fn sink_conflicts(graph: &Graph, wired: &Wired, sinks: &[usize], report: &mut Re
         for path in paths_over(path, &graph.frames) {
             let other = *users.entry(folded(&path)).or_insert(index);
             if other != index {
-                let does = if sinks.contains(&other) { "writes" } else { "reads" };
+                let (does, hint) = match sinks.contains(&other) {
+                    true => ("writes", "give each Save a path of its own"),
+                    false => ("reads", "write to another file than the one that is read"),
+                };
                 let (id, other) = (graph.nodes[index].id, graph.nodes[other].id);
                 let fault = Fault::new(Code::SinkConflict, format!("`{other}` {does} {path} too"));
-                let hint = "give each Save a path of its own".to_owned();
-                report.add(param_at(draft, param), fault.node(id).parameter(param).hint(hint));
+                report.add(param_at(draft, param), fault.node(id).parameter(param).hint(hint.to_owned()));
                 break;
             }
         }

@@ -364,7 +364,11 @@ impl Walk<'_> {
         if !allowed.is_empty() && !allowed.contains(&extension) {
             let allowed: Vec<String> = allowed.iter().map(|extension| format!(".{extension}")).collect();
             let message = format!("`{}` is \"{expanded}\"; it must end in {}", self.param, allowed.join(", "));
-            let hint = suggestion(&format!(".{extension}"), allowed.iter().map(String::as_str));
+            let is_bare = allowed.iter().any(|extension| expanded.ends_with(&format!("/{extension}")));
+            let hint = match is_bare {
+                true => Some("a name stands before the point".to_owned()),
+                false => suggestion(&format!(".{extension}"), allowed.iter().map(String::as_str)),
+            };
             self.fault(self.at(value), Code::OutOfRange, message, hint);
             return None;
         }

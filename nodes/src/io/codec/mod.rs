@@ -63,7 +63,7 @@ pub enum Depth {
 /// How an EXR file is compressed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub enum Compression {
-    /// As the file that was read if that loses nothing, else `Zip`.
+    /// As the file that was read if that way never loses anything, else `Zip`.
     #[default]
     Auto,
     /// Not at all.
