@@ -59,7 +59,7 @@ fn write_pages(out: &Path, args: &NodesArgs, registry: &Registry) -> Result<(), 
         let fault = Fault::new(Code::Usage, "only pages are written to a folder");
         return Err(fault.hint("add --format markdown".to_owned()));
     }
-    for folder in [&args.examples, &args.pictures].into_iter().flatten().filter(|folder| !folder.is_dir()) {
+    if let Some(folder) = [&args.examples, &args.pictures].into_iter().flatten().find(|folder| !folder.is_dir()) {
         let fault = Fault::new(Code::InputUnreadable, format!("the folder {} does not exist", folder.display()));
         return Err(fault.hint("give one that does, or leave it out".to_owned()));
     }
