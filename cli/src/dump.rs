@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use serde_json::{Value as Json, json};
 use warploom_core::diag::{Code, Fault};
 use warploom_core::engine::{Delivery, cannot_write, plain, write_file};
-use warploom_core::graph::frames::{expand_pattern, folded, has_pattern, paths_over};
+use warploom_core::graph::frames::{Folding, expand_pattern, has_pattern, paths_over};
 use warploom_core::graph::plan::Plan;
 use warploom_core::node::{NodeError, OutputKind};
 use warploom_core::value::{Buffer, Channel, Direction, Grid, Image, Kind, Plane, Rect, SampleType, Value, Warp};
@@ -44,11 +44,16 @@ pub struct Planned {
 }
 
 /// Finds nodes and outputs; a fault per dump that cannot be done. `taken` are the files that have a use already, as
-/// [`folded`] gives them; those of the dumps come to them.
-pub fn plan(dumps: &[Dump], plan: &Plan, taken: &mut HashSet<String>) -> Result<Vec<Planned>, Vec<Fault>> {
+/// [`Folding`] gives them; those of the dumps come to them.
+pub fn plan(
+    dumps: &[Dump],
+    plan: &Plan,
+    folding: &mut Folding,
+    taken: &mut HashSet<String>,
+) -> Result<Vec<Planned>, Vec<Fault>> {
     let (mut planned, mut faults) = (Vec::new(), Vec::new());
     for dump in dumps {
-        match find(dump, plan).and_then(|found| found.take(taken)) {
+        match find(dump, plan).and_then(|found| found.take(folding, taken)) {
             Ok(found) => planned.push(found),
             Err(fault) => faults.push(fault.node(&dump.node)),
         }
@@ -100,10 +105,10 @@ fn kind(plan: &Plan, mut node: usize, mut output: usize) -> Option<Kind> {
 
 impl Planned {
     /// Takes its files, unless one has a use already.
-    fn take(self, taken: &mut HashSet<String>) -> Result<Self, Fault> {
+    fn take(self, folding: &mut Folding, taken: &mut HashSet<String>) -> Result<Self, Fault> {
         let pattern = self.path.to_string_lossy();
         for path in paths_over(("", &pattern), &self.frames) {
-            if !taken.insert(folded(&path)) {
+            if !taken.insert(folding.folded(&path)) {
                 let message = format!("--dump would write {path}, which the run reads or writes already");
                 return Err(Fault::new(Code::Usage, message).hint("dump to another file".to_owned()));
             }

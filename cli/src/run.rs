@@ -9,7 +9,7 @@ use warploom_core::engine::{
     Cancel, DEFAULT_CACHE_SIZE, Engine, Existing, Job, Report, Settings, StorePolicy, cannot_write, peak_bytes, plain,
     resident_bytes, write_file,
 };
-use warploom_core::graph::frames::folded;
+use warploom_core::graph::frames::Folding;
 use warploom_core::graph::plan::Plan;
 use warploom_core::registry::Registry;
 
@@ -80,11 +80,12 @@ fn outputs(args: &RunArgs, dumps: &[Dump], plan: &Plan) -> Result<Vec<Planned>, 
     if dumps.is_empty() && args.report.is_none() {
         return Ok(Vec::new());
     }
-    let mut taken: HashSet<String> = plan.files().map(|(_, path)| folded(&path.to_string_lossy())).collect();
-    taken.insert(folded(&plan.graph.to_string_lossy()));
-    let planned = dump::plan(dumps, plan, &mut taken)?;
+    let mut folding = Folding::default();
+    let mut taken: HashSet<String> = plan.files().map(|(_, path)| folding.folded(&path.to_string_lossy())).collect();
+    taken.insert(folding.folded(&plan.graph.to_string_lossy()));
+    let planned = dump::plan(dumps, plan, &mut folding, &mut taken)?;
     let report = args.report.as_ref().and_then(|report| std::path::absolute(report).ok());
-    match report.filter(|report| taken.contains(&folded(&report.to_string_lossy()))) {
+    match report.filter(|report| taken.contains(&folding.folded(&report.to_string_lossy()))) {
         Some(report) => {
             let message = format!("--report would overwrite {}", report.display());
             Err(vec![Fault::new(Code::Usage, message).hint("report to another file".to_owned())])

@@ -1,5 +1,6 @@
 //! Frame ranges and frame patterns in paths.
 
+use std::collections::HashMap;
 use std::path::{Component, Path, PathBuf};
 
 /// Most frames a range may name.
@@ -128,14 +129,36 @@ pub fn paths_over<'a>((folder, rest): (&'a str, &'a str), frames: &'a [i64]) -> 
     one.into_iter().chain(frames.iter().map(move |&frame| format!("{folder}{}", expand_pattern(rest, frame))))
 }
 
-/// A path in the form in which two that may be one file are equal: links, `.` and `..` resolved, case folded.
-pub fn folded(path: &str) -> String {
-    let path = Path::new(path);
-    // What of it is there already may be reached by links.
-    let real = |there: &Path| Some(there.canonicalize().ok()?.join(path.strip_prefix(there).ok()?));
-    let real = path.ancestors().find_map(real).unwrap_or_else(|| path.to_owned());
+/// Brings paths into the form in which two that may be one file are equal: links, `.` and `..` resolved, case folded.
+/// Each folder is looked for once.
+#[derive(Default)]
+pub struct Folding {
+    /// Where a folder really lies, and whether it is there.
+    folders: HashMap<PathBuf, (PathBuf, bool)>,
+}
+
+impl Folding {
+    /// The form of a path.
+    pub fn folded(&mut self, path: &str) -> String {
+        let path = Path::new(path);
+        let (Some(folder), Some(name)) = (path.parent(), path.file_name()) else { return without_dots(path) };
+        if !self.folders.contains_key(folder) {
+            let real = |there: &Path| Some(there.canonicalize().ok()?.join(folder.strip_prefix(there).ok()?));
+            let real = folder.ancestors().find_map(real).unwrap_or_else(|| folder.to_owned());
+            self.folders.insert(folder.to_owned(), (real, folder.is_dir()));
+        }
+        let (real, is_there) = &self.folders[folder];
+        let file = real.join(name);
+        match *is_there && file.is_symlink() {
+            true => without_dots(&file.canonicalize().unwrap_or(file)),
+            false => without_dots(&file),
+        }
+    }
+}
+
+fn without_dots(path: &Path) -> String {
     let mut resolved = PathBuf::new();
-    for part in real.components() {
+    for part in path.components() {
         match part {
             Component::CurDir => {}
             Component::ParentDir => {

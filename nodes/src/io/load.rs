@@ -9,8 +9,8 @@ use super::codec::{self, Encoding, NodeHost};
 /// Reads a picture: EXR, PNG, JPEG, TIFF or Radiance HDR, by the content of the file.
 ///
 /// The result is scene-linear, with the primaries of Rec.709, and premultiplied. An EXR keeps all its layers, channels,
-/// windows and attributes, and its primaries whatever they are; of a mip map the full resolution is read, and parts that no node looks at are not unpacked.
-/// Other files give one layer with channels `R`, `G`, `B` or `Y`, and `A`.
+/// windows and attributes, and its primaries whatever they are; of a mip map the full resolution is read, and parts that
+/// no node looks at are not unpacked. Other files give one layer with channels `R`, `G`, `B` or `Y`, and `A`.
 ///
 /// What these files say of their colour is honoured, or the file is refused:
 ///

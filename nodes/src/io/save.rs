@@ -10,16 +10,16 @@ use super::codec::{self, Compression, Depth, Encoding, Format, NodeHost, WriteOp
 
 /// Writes a picture in the format that the extension names: exr, png, jpg, jpeg, tif, tiff, hdr.
 ///
-/// EXR keeps every layer, channel, window and attribute; lines take the place of tiles, from the top down. The others hold the display window of the first layer's
-/// `R`, `G`, `B` (or `Y`), and straight `A` where the format has alpha; what else there is is left out, and pixels
-/// outside the data window are 0. JPEG and HDR have no alpha: they get the colour as seen over black. The same
-/// picture gives the same bytes.
+/// EXR keeps every layer, channel, window and attribute; lines take the place of tiles, from the top down. The others
+/// hold the display window of the first layer's `R`, `G`, `B` (or `Y`), and straight `A` where the format has alpha;
+/// what else there is is left out, and pixels outside the data window are 0. JPEG and HDR have no alpha: they get the
+/// colour as seen over black. The same picture gives the same bytes.
 ///
 /// Files say how their colour is stored, so that `Load` and others read what was written: a PNG by the chunks sRGB, gAMA
-/// and cHRM, a TIFF and a JPEG by an ICC profile. With `encoding: Raw`, or if the
-/// picture is of an EXR whose chromaticities are not those of Rec.709, they say nothing. A Radiance HDR has no words
-/// for it and is read as linear: one written with `encoding: Srgb` is to be loaded so. It holds numbers of 3e-39 to
-/// 1e38; what is below and NaN are 0, what is above is 1e38.
+/// and cHRM, a TIFF and a JPEG by an ICC profile. With `encoding: Raw`, or if the picture is of an EXR whose
+/// chromaticities are not those of Rec.709, they say nothing. A Radiance HDR has no words for it and is read as linear:
+/// one written with `encoding: Srgb` is to be loaded so. It holds numbers of 3e-39 to 1e38; what is below and NaN are
+/// 0, what is above is 1e38.
 #[derive(Clone, Serialize, Deserialize, JsonSchema, SmartDefault)]
 #[serde(default, deny_unknown_fields)]
 pub struct Save {

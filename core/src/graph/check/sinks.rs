@@ -11,7 +11,7 @@ use super::values::Draft;
 use super::wiring::Wired;
 use super::{At, Options, Reporter};
 use crate::diag::{Code, Fault};
-use crate::graph::frames::{folded, has_pattern, paths_over, split_folder};
+use crate::graph::frames::{Folding, has_pattern, paths_over, split_folder};
 use crate::graph::plan::{Plan, PlanNode};
 use crate::graph::source::Sources;
 use crate::node::Request;
@@ -156,13 +156,13 @@ fn written_path<'a>(draft: &'a Draft, graph: &Graph) -> Option<(&'a str, (&'a st
 
 /// Two sinks on one path, or a sink on a path that a node reads, over all frames.
 fn sink_conflicts(graph: &Graph, wired: &Wired, sinks: &[usize], report: &mut Reporter) {
-    let mut users: HashMap<String, usize> = HashMap::new();
+    let (mut users, mut folding) = (HashMap::<String, usize>::new(), Folding::default());
     if !sinks.is_empty() {
         for (index, draft) in wired.drafts.iter().enumerate() {
             for (name, _) in draft.iter().flat_map(|d| &d.params.paths).filter(|(_, access)| *access == Access::Read) {
                 let path = draft.as_ref().and_then(|draft| draft.params.json.get(name)?.as_str()).unwrap_or_default();
                 paths_over(split_folder(path, &graph.folder), &graph.frames).for_each(|path| {
-                    users.entry(folded(&path)).or_insert(index);
+                    users.entry(folding.folded(&path)).or_insert(index);
                 });
             }
         }
@@ -171,7 +171,7 @@ fn sink_conflicts(graph: &Graph, wired: &Wired, sinks: &[usize], report: &mut Re
         let Some(draft) = &wired.drafts[index] else { continue };
         let Some((param, path)) = written_path(draft, graph) else { continue };
         for path in paths_over(path, &graph.frames) {
-            let other = *users.entry(folded(&path)).or_insert(index);
+            let other = *users.entry(folding.folded(&path)).or_insert(index);
             if other != index {
                 let (does, hint) = match sinks.contains(&other) {
                     true => ("writes", "give each Save a path of its own"),
