@@ -1,5 +1,6 @@
 //! Drags a handle on a plate of 1920 x 1080 with cells of 5 px and times each step in process, from the changed
-//! parameter to the resampled picture: `drag [STEPS]`. Prints what a step of each graph takes, in milliseconds.
+//! parameter to the resampled picture: `drag [STEPS [MEBIBYTES]]`, within so much memory. Prints what a step of each
+//! graph takes, in milliseconds.
 
 use std::error::Error;
 use std::path::Path;
@@ -28,9 +29,11 @@ const GRAPH: &str = r#"Graph(version: 1, nodes: {
 
 fn main() -> Result<(), Box<dyn Error>> {
     let steps: usize = std::env::args().nth(1).map_or(Ok(100), |steps| steps.parse())?;
+    let mebibytes: Option<u64> = std::env::args().nth(2).map(|mebibytes| mebibytes.parse()).transpose()?;
+    let memory = mebibytes.map_or(Settings::default().memory, |mebibytes| mebibytes << 20);
     let registry = Registry::new(NODES);
     for target in ["dragged", "kept"] {
-        let engine = Engine::new(Settings { threads: 2, ..Settings::default() });
+        let engine = Engine::new(Settings { threads: 2, memory, ..Settings::default() });
         let mut taken = Vec::new();
         for step in 0..=steps {
             let start = Instant::now();

@@ -54,7 +54,7 @@ pub enum Method {
 }
 
 impl Node for Detail {
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
     const OUTPUTS: &'static [Output] = &[Output::new("image", Kind::Image)];
 
     fn compute(&self, cx: &Context) -> Result<Outputs, NodeError> {

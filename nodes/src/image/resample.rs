@@ -85,7 +85,7 @@ pub enum Edge {
 const BYTES_PER_LABEL: u128 = 160;
 
 impl Node for Resample {
-    const VERSION: u32 = 3;
+    const VERSION: u32 = 4;
     const OUTPUTS: &'static [Output] = &[Output::same_as("image", "image")];
 
     fn check(&self) -> Result<(), NodeError> {

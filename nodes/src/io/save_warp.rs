@@ -70,7 +70,7 @@ pub enum MapDepth {
 }
 
 impl Node for SaveWarp {
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
     const OUTPUTS: &'static [Output] = &[];
     const SINK: bool = true;
 

@@ -37,7 +37,7 @@ pub enum Gives {
 }
 
 impl Node for Invert {
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
     const OUTPUTS: &'static [Output] = super::WARP;
 
     fn compute(&self, cx: &Context) -> Result<Outputs, NodeError> {

@@ -6,8 +6,8 @@
 //! together.
 
 use super::locate::Located;
-use super::sample::Source;
-use crate::view::View;
+use super::sample::{Source, Stretch};
+use crate::view::{View, ViewMut};
 use std::ops::Range;
 
 /// Most pixel columns of a block.
@@ -198,10 +198,7 @@ impl<'a, const C: usize> Supply<'a, C> {
         }
         let [x, y] = part.corner.map(|corner| corner as usize);
         for plane in &self.planes {
-            #[cfg(target_arch = "x86_64")]
-            super::simd::fetch_far(&plane.row(y + row)[x..x + part.size[0]]);
-            #[cfg(not(target_arch = "x86_64"))]
-            let _ = (plane, x, y);
+            fetch(&plane.row(y + row)[x..x + part.size[0]]);
         }
     }
 
@@ -209,22 +206,27 @@ impl<'a, const C: usize> Supply<'a, C> {
     #[inline(always)]
     fn load(&mut self, row: usize) {
         let Store::Copy(pixels) = &mut self.pixels else { return };
-        let (part, within, source, width) = (&self.part, &self.inside[0], self.source, self.part.size[0]);
+        let (part, width) = (&self.part, self.part.size[0]);
         let line = &mut pixels[row * width..(row + 1) * width];
-        let Some(row) = source.row(part.corner[1] + row as i32) else {
+        let Some(row) = self.source.row(part.corner[1] + row as i32) else {
             line.fill([0.0; C]);
             return;
         };
         let rows = self.planes.map(|plane| plane.row(row));
-        let start = if within.size[0] > 0 { (within.corner[0] - part.corner[0]) as usize } else { width };
-        let inside = start..start + within.size[0];
-        for x in (0..inside.start).chain(inside.end..width) {
-            let column = source.column(part.corner[0] + x as i32);
-            line[x] = column.map_or([0.0; C], |column| rows.map(|row| row[column]));
-        }
-        if !inside.is_empty() {
-            let from = within.corner[0] as usize;
-            interleave(rows.map(|row| &row[from..from + inside.len()]), &mut line[inside]);
+        let mut start = 0;
+        while start < width {
+            let (stretch, length) = self.source.stretch(part.corner[0] + start as i32);
+            let end = width.min(start.saturating_add(length));
+            let line = &mut line[start..end];
+            match stretch {
+                Stretch::Zeros => line.fill([0.0; C]),
+                Stretch::Same(column) => line.fill(rows.map(|row| row[column])),
+                Stretch::Rising(first) => interleave::<C, false>(rows.map(|row| &row[first..first + line.len()]), line),
+                Stretch::Falling(last) => {
+                    interleave::<C, true>(rows.map(|row| &row[last + 1 - line.len()..last + 1]), line);
+                }
+            }
+            start = end;
         }
     }
 }
@@ -246,10 +248,7 @@ impl<const C: usize> Ahead<'_, C> {
         let columns = at(part)..at(part + 1);
         for row in self.rows.clone() {
             for plane in &self.planes {
-                #[cfg(target_arch = "x86_64")]
-                super::simd::fetch_far(&plane.row(row)[columns.clone()]);
-                #[cfg(not(target_arch = "x86_64"))]
-                let _ = (plane, &columns);
+                fetch(&plane.row(row)[columns.clone()]);
             }
         }
     }
@@ -280,14 +279,57 @@ impl<const C: usize> Block<C> {
     }
 }
 
+/// Has the memory bring samples nearer, for later; a hint.
 #[inline(always)]
-fn interleave<const C: usize>(rows: [&[f32]; C], line: &mut [[f32; C]]) {
-    let rows = rows.map(|row| &row[..line.len()]);
+pub(super) fn fetch<T>(samples: &[T]) {
     #[cfg(target_arch = "x86_64")]
-    let done = super::simd::interleave(rows, line);
+    super::simd::fetch(samples);
     #[cfg(not(target_arch = "x86_64"))]
-    let done = 0;
-    for (x, pixel) in line.iter_mut().enumerate().skip(done) {
+    let _ = samples;
+}
+
+/// Puts the samples of rows side by side, from the last to the first if `FALLING`.
+#[inline(always)]
+fn interleave<const C: usize, const FALLING: bool>(rows: [&[f32]; C], line: &mut [[f32; C]]) {
+    let count = line.len();
+    let rows = rows.map(|row| &row[..count]);
+    #[cfg(target_arch = "x86_64")]
+    if super::simd::interleave::<C, FALLING>(rows, line) {
+        return;
+    }
+    for (x, pixel) in line.iter_mut().enumerate() {
+        let x = if FALLING { count - 1 - x } else { x };
         *pixel = std::array::from_fn(|channel| rows[channel][x]);
     }
+}
+
+/// Writes pixels with their channels side by side to columns of a row of planes, at most as many as channels.
+/// [`finish_stores`] must follow before anyone reads them.
+#[inline(always)]
+pub(super) fn store<const C: usize>(
+    pixels: &[[f32; C]],
+    row: usize,
+    columns: Range<usize>,
+    planes: &mut [ViewMut<f32>],
+) {
+    let count = planes.len();
+    let mut rows: [&mut [f32]; C] = std::array::from_fn(|_| Default::default());
+    for (to, plane) in rows.iter_mut().zip(planes) {
+        *to = &mut plane.row_mut(row)[columns.clone()];
+    }
+    #[cfg(target_arch = "x86_64")]
+    if super::simd::store(pixels, &mut rows[..count]) {
+        return;
+    }
+    for (channel, row) in rows[..count].iter_mut().enumerate() {
+        for (sample, pixel) in row.iter_mut().zip(pixels) {
+            *sample = pixel[channel];
+        }
+    }
+}
+
+/// Waits until all that [`store`] wrote can be seen.
+pub(super) fn finish_stores() {
+    #[cfg(target_arch = "x86_64")]
+    super::simd::finish_stores();
 }

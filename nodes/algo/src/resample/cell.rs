@@ -1,6 +1,8 @@
 //! One cell's map from the picture back to the cell.
 
 use super::spans::{Point, turn};
+use crate::simd::counted;
+use pulp::Simd;
 
 /// A cell's corners in the destination: those of (u, v) = (0, 0), (1, 0), (1, 1), (0, 1).
 pub(super) type Corners = [Point; 4];
@@ -109,6 +111,67 @@ impl InverseBilinear {
     }
 }
 
+/// The inverse of the bilinear map of a cell that is nearly a parallelogram.
+///
+/// From the cell's middle m, with s = u - 1/2 and t = v - 1/2, the map is `p = m + s a + t b + s t g`. With [a b] taken
+/// back, w of p - m and k of g, `s = w0 - q k0` and `t = w1 - q k1` where q = s t: the fixed point of
+/// `q -> (w0 - q k0) (w1 - q k1)`, which comes nearer by |k0 t + k1 s|, about (|k0| + |k1|) / 2 at most, each time; it
+/// starts 1/4 from it at most. A few such steps need neither roots nor divisions.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct InverseNearlyAffine {
+    middle: Point,
+    /// The rows of the inverse of [a b].
+    across: [Point; 2],
+    bend: Point,
+    /// Bits of q that a step gives, at least.
+    bits: u64,
+}
+
+impl InverseNearlyAffine {
+    /// Steps come nearer by 2 to this power at least.
+    const LEAST_BITS: u64 = 3;
+    /// q is known to 2 to minus this after the last step.
+    const BITS: u64 = 55;
+
+    /// Of a strictly convex cell; none if it bends more than steps of [`Self::LEAST_BITS`] serve.
+    #[inline(always)]
+    pub fn new(&[p00, p10, p11, p01]: &Corners) -> Option<Self> {
+        let (top, bottom, left) = (minus(p10, p00), minus(p11, p01), minus(p01, p00));
+        let g = minus(bottom, top);
+        let [a, b] = [[top, bottom], [left, minus(p11, p10)]].map(|[p, q]| [0, 1].map(|i| 0.5 * (p[i] + q[i])));
+        let per = 1.0 / cross(a, b);
+        let across = [[b[1] * per, -b[0] * per], [-a[1] * per, a[0] * per]];
+        let bend = across.map(|row| row[0] * g[0] + row[1] * g[1]);
+        let nearer = 0.5 * (bend[0].abs() + bend[1].abs());
+        // From the exponent: a bound that all machines agree on.
+        let bits = 1022_u64.saturating_sub(nearer.to_bits() >> 52);
+        let middle = [0, 1].map(|i| 0.25 * ((p00[i] + p10[i]) + (p01[i] + p11[i])));
+        (bits >= Self::LEAST_BITS).then_some(Self { middle, across, bend, bits })
+    }
+
+    /// u and v, within 0..=1, of points of the cell at `y`, from `x` on, 1 apart.
+    #[inline(always)]
+    pub fn at<S: Simd>(&self, simd: S, x: f64, y: f64) -> [S::f64s; 2] {
+        let dx = simd.sub_f64s(counted(simd, x), simd.splat_f64s(self.middle[0]));
+        let dy = y - self.middle[1];
+        let [w0, w1] = self.across.map(|[x, y]| simd.mul_add_f64s(simd.splat_f64s(x), dx, simd.splat_f64s(y * dy)));
+        let [k0, k1] = self.bend.map(|bend| simd.splat_f64s(-bend));
+        let mut q = simd.mul_f64s(w0, w1);
+        let mut known = self.bits;
+        while known < Self::BITS {
+            q = simd.mul_f64s(simd.mul_add_f64s(k0, q, w0), simd.mul_add_f64s(k1, q, w1));
+            known += self.bits;
+        }
+        let [zero, half, one] = [0.0, 0.5, 1.0].map(|at| simd.splat_f64s(at));
+        // NaN becomes 0, on all processors.
+        [simd.mul_add_f64s(k0, q, w0), simd.mul_add_f64s(k1, q, w1)].map(|at| {
+            let at = simd.add_f64s(at, half);
+            let at = simd.select_f64s(simd.less_than_f64s(zero, at), at, zero);
+            simd.select_f64s(simd.less_than_f64s(at, one), at, one)
+        })
+    }
+}
+
 /// The inverse of the affine map of a triangle: `p(u, v) = p0 + u e + v f`.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct InverseAffine {
@@ -159,6 +222,21 @@ mod tests {
         Some((minus(found, uv), minus(back, p)))
     }
 
+    /// Of a nearly affine cell, the inverse of the points right of one on its row, by one lane and by all.
+    #[derive(Clone, Copy)]
+    struct Inverted<'a>(&'a InverseNearlyAffine, Point);
+
+    impl pulp::WithSimd for Inverted<'_> {
+        type Output = Vec<Point>;
+
+        #[inline(always)]
+        fn with_simd<S: Simd>(self, simd: S) -> Vec<Point> {
+            let [u, v] = self.0.at(simd, self.1[0], self.1[1]);
+            let lanes = |lanes: &S::f64s| pulp::bytemuck::cast_slice::<_, f64>(std::slice::from_ref(lanes)).to_vec();
+            lanes(&u).into_iter().zip(lanes(&v)).map(|(u, v)| [u, v]).collect()
+        }
+    }
+
     fn size([a, b]: Point) -> f64 {
         a.abs().max(b.abs())
     }
@@ -182,6 +260,29 @@ mod tests {
                 if jacobian > 0.01 {
                     prop_assert!(size(error) < 1e-9 && size(mirrored) < 1e-9, "{error:?} {mirrored:?}");
                 }
+            }
+        }
+
+        #[test]
+        fn inverse_of_nearly_affine_cells(
+            jitter in prop::array::uniform8(-0.12..0.12f64),
+            stretch in 1e-3..1e3f64,
+            flop in any::<bool>(),
+            u in 0.0..1.0f64,
+            v in 0.0..1.0f64,
+        ) {
+            let [a, b, c, d, e, f, g, h] = jitter;
+            let unit = [[a, b], [1.0 + c, d], [1.0 + e, 1.0 + f], [g, 1.0 + h]];
+            let sign = if flop { -1.0 } else { 1.0 };
+            let corners = unit.map(|[x, y]| [sign * (90.0 + 5.0 * x + 2.0 * y), stretch * y - 7.0]);
+            let Shape::Convex { mirrored } = Shape::of(&corners) else { return Err(TestCaseError::reject("folded")) };
+            if let Some(inverse) = InverseNearlyAffine::new(&corners) {
+                let p = map(&corners, [u, v]);
+                let plain = pulp::Arch::Scalar.dispatch(Inverted(&inverse, p));
+                let expected = InverseBilinear::new(&corners, mirrored).polished(p);
+                prop_assert!(size(minus(plain[0], expected)) < 1e-12, "{plain:?} {expected:?}");
+                let wide = pulp::Arch::new().dispatch(Inverted(&inverse, p));
+                prop_assert_eq!(wide[0].map(f64::to_bits), plain[0].map(f64::to_bits));
             }
         }
 

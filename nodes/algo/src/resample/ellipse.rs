@@ -10,6 +10,7 @@
 use super::axes::Axes;
 use super::lanes::{LANES, Lanes, TWICE};
 use super::spans::Point;
+use super::whole::floored;
 
 /// What of an ellipse's width and height has next to no weight.
 const BORDER: f32 = 1e-3;
@@ -66,13 +67,13 @@ impl Ellipse {
     /// Columns read, from the first of its bounding box on.
     #[inline(always)]
     pub fn width(&self) -> i32 {
-        if self.is_narrow() { LANES as i32 } else { (2.0 * self.reach[0]) as i32 + 1 + TWICE as i32 }
+        if self.is_narrow() { LANES as i32 } else { floored(2.0 * self.reach[0]) + 1 + TWICE as i32 }
     }
 
     /// Rows that hold samples, but for the [`BORDER`], from the first of its bounding box on.
     #[inline(always)]
     pub fn rows(&self) -> i32 {
-        (2.0 * self.reach[1] - BORDER) as i32 + 1
+        floored(2.0 * self.reach[1] - BORDER) + 1
     }
 
     /// Its weights around a sample that lies `x` and `y` from the centre.
@@ -105,7 +106,7 @@ impl Spot {
     fn weigh<L: Lanes>(&self, lanes: L, rest: L::Two) -> L::Two {
         // With t = 1 - u, 1 - c u is 1 - c + c t.
         let t = lanes.max(rest, lanes.splat(0.0));
-        let dip = lanes.add(lanes.splat(1.0 - self.dip), lanes.mul(lanes.splat(self.dip), t));
+        let dip = lanes.mul_add(lanes.splat(self.dip), t, lanes.splat(1.0 - self.dip));
         lanes.mul(lanes.mul(t, t), dip)
     }
 
@@ -113,9 +114,8 @@ impl Spot {
     /// centre.
     #[inline(always)]
     fn rest<L: Lanes>(&self, lanes: L, across: L::Two, y: L::Two) -> L::Two {
-        let down = lanes.mul(lanes.splat(self.down), lanes.mul(y, y));
-        let u = lanes.add(down, lanes.mul(lanes.splat(self.along), lanes.mul(across, across)));
-        lanes.sub(lanes.splat(1.0), u)
+        let rest = lanes.mul_add(lanes.splat(-self.down), lanes.mul(y, y), lanes.splat(1.0));
+        lanes.mul_add(lanes.splat(-self.along), lanes.mul(across, across), rest)
     }
 
     /// Tells `each` the weights of a narrow ellipse, two rows of [`LANES`] samples at a time, from the first sample on.
@@ -124,11 +124,11 @@ impl Spot {
     fn narrow<L: Lanes>(&self, lanes: L, rows: usize, mut each: impl FnMut(usize, L::Two)) -> L::Two {
         let x = lanes.add(lanes.splat(self.x), lanes.load(&ACROSS));
         let y = lanes.add(lanes.splat(self.y), lanes.load(&DOWN));
-        let across = lanes.sub(x, lanes.mul(lanes.splat(self.slope), y));
+        let across = lanes.mul_add(lanes.splat(-self.slope), y, x);
         // A quadratic of the row: its second difference, two rows on, is the same everywhere.
         let mut rest = self.rest(lanes, across, y);
         let tilt = lanes.mul(lanes.splat(4.0 * self.along * self.slope), lanes.sub(across, lanes.splat(self.slope)));
-        let mut step = lanes.sub(tilt, lanes.mul(lanes.splat(4.0 * self.down), lanes.add(y, lanes.splat(1.0))));
+        let mut step = lanes.mul_add(lanes.splat(-4.0 * self.down), lanes.add(y, lanes.splat(1.0)), tilt);
         let bend = lanes.splat(-8.0 * (self.along * self.slope * self.slope + self.down));
         let mut sums = lanes.splat(0.0);
         for row in (0..rows).step_by(2) {
@@ -174,22 +174,25 @@ impl Spot {
         stride: usize,
     ) -> [L::Two; 2] {
         let mut sums = [lanes.splat(0.0); 2];
-        let mut add = |at: usize, spread: [L::Two; 2]| {
-            let samples: &[[f32; 4]; LANES] = pixels[at..].first_chunk().expect("the block holds the ellipse");
-            let samples = samples.as_flattened().as_chunks().0;
-            for half in 0..2 {
-                sums[half] = lanes.add(sums[half], lanes.mul(spread[half], lanes.load(&samples[half])));
-            }
-        };
         let weights = if is_narrow {
             self.narrow(
                 lanes,
                 rows,
                 #[inline(always)]
                 |row, weights| {
-                    add(row * stride, [lanes.spread::<0>(weights), lanes.spread::<1>(weights)]);
+                    add(
+                        lanes,
+                        &mut sums,
+                        &pixels[row * stride..],
+                        [lanes.spread::<0>(weights), lanes.spread::<1>(weights)],
+                    );
                     if row + 1 < rows {
-                        add((row + 1) * stride, [lanes.spread::<2>(weights), lanes.spread::<3>(weights)]);
+                        add(
+                            lanes,
+                            &mut sums,
+                            &pixels[(row + 1) * stride..],
+                            [lanes.spread::<2>(weights), lanes.spread::<3>(weights)],
+                        );
                     }
                 },
             )
@@ -200,14 +203,29 @@ impl Spot {
                 #[inline(always)]
                 |row, column, left, weights| {
                     let at = row * stride + column;
-                    add(at, [lanes.spread::<0>(weights), lanes.spread::<1>(weights)]);
+                    add(lanes, &mut sums, &pixels[at..], [lanes.spread::<0>(weights), lanes.spread::<1>(weights)]);
                     if left > LANES {
-                        add(at + LANES, [lanes.spread::<2>(weights), lanes.spread::<3>(weights)]);
+                        add(
+                            lanes,
+                            &mut sums,
+                            &pixels[at + LANES..],
+                            [lanes.spread::<2>(weights), lanes.spread::<3>(weights)],
+                        );
                     }
                 },
             )
         };
         [lanes.add(sums[0], sums[1]), weights]
+    }
+}
+
+/// Adds the weighted samples of [`LANES`] pixels.
+#[inline(always)]
+fn add<L: Lanes>(lanes: L, sums: &mut [L::Two; 2], pixels: &[[f32; 4]], spread: [L::Two; 2]) {
+    let samples: &[[f32; 4]; LANES] = pixels.first_chunk().expect("the block holds the ellipse");
+    let samples = samples.as_flattened().as_chunks().0;
+    for half in 0..2 {
+        sums[half] = lanes.mul_add(spread[half], lanes.load(&samples[half]), sums[half]);
     }
 }
 

@@ -8,12 +8,13 @@ use super::ellipse::{Ellipse, Spot, means};
 use super::ewa::{Ewa, mixed};
 use super::lanes::{LANES, Lanes};
 use super::locate::Located;
+use super::whole::integer;
 use std::ops::Range;
 
 /// Planes that are weighed together.
 pub(super) const TOGETHER: usize = 4;
 /// Columns and rows of a block.
-pub(super) const WIDTH: usize = 128;
+pub(super) const WIDTH: usize = 64;
 pub(super) const ROWS: usize = 16;
 /// Pixels of a copy: two mebibytes.
 const MOST: usize = 1 << 17;
@@ -99,7 +100,7 @@ impl Ellipses {
             }
             return;
         };
-        let mut supply = block.supply(ewa.level(level, 0).1, planes, part, None).unfetched();
+        let mut supply = block.supply(&ewa.level(level, 0).1.source, planes, part, None).unfetched();
         for row in rows.clone() {
             let next = &lines[(row + 1).min(rows.end - 1)];
             supply.samples(lines[row].depth(&part));
@@ -177,21 +178,20 @@ impl Line {
     #[inline(always)]
     fn fill(&mut self, ewa: &Ewa, at: &Located, shapes: &Shapes, pixels: Range<usize>, level: usize) {
         self.count = pixels.len();
-        let (_, _, scale, grown) = ewa.level(level, 0);
+        let frame = ewa.level(level, 0).1;
         let [major, minor, cos, sin] = shapes.rows(pixels.clone()).map(padded);
         let (xs, ys) = (padded(&at.x[pixels.clone()]), padded(&at.y[pixels.clone()]));
         // Loops of fixed length compile to whole vectors.
         for i in 0..WIDTH {
             let axes = Axes { squares: [major[i], minor[i]], twice: [cos[i], sin[i]] };
-            let ellipse = Ellipse::new(&axes, level, grown);
-            let at = ewa.place([xs[i], ys[i]]);
-            let [x, y] = [at[0] * scale[0] - 0.5, at[1] * scale[1] - 0.5];
+            let ellipse = Ellipse::new(&axes, level, frame.grown);
+            let [x, y] = frame.place(ewa.place([xs[i], ys[i]])).map(|at| at - 0.5);
             let reach = ellipse.reach();
             let [left, top] = [(x - reach[0]).ceil(), (y - reach[1]).ceil()];
             let spot = ellipse.spot(left - x, top - y);
             (self.along[i], self.slope[i], self.down[i], self.dip[i]) = (spot.along, spot.slope, spot.down, spot.dip);
             (self.from[0][i], self.from[1][i]) = (spot.x, spot.y);
-            (self.first[0][i], self.first[1][i]) = (left as i32, top as i32);
+            (self.first[0][i], self.first[1][i]) = (integer(left), integer(top));
             (self.columns[i], self.rows[i]) = (ellipse.width(), ellipse.rows());
         }
         let [levels, before] = shapes.levels.each_ref().map(|levels| padded(&levels[pixels.clone()]));

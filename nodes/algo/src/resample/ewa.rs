@@ -9,7 +9,7 @@
 
 use super::Map;
 use super::axes::{Shapes, levels};
-use super::block::Pixels;
+use super::block::{Pixels, finish_stores, store};
 use super::ellipse::{Ellipse, Run, Weights, group_total};
 use super::ellipses::{self, Ellipses, ROWS, TOGETHER, Values, WIDTH};
 use super::filter::{CUBIC, Filter};
@@ -17,10 +17,12 @@ use super::filtered::{Blocks, filtered};
 use super::jacobian::Jacobians;
 use super::lanes::{LANES, Lanes, Work, widest};
 use super::locate::{BAND_HEIGHT, Located, TILE_WIDTH};
-use super::pyramid::{self, Level};
+use super::pyramid::{self, Frame, Level};
 use super::sample::{Edge, Source};
 use super::spans::Point;
+use super::weigh::some_not_finite;
 use crate::rect::Rect;
+use crate::simd::vectorized;
 use crate::view::{View, ViewMut};
 use crate::{Interrupted, Watch};
 use std::ops::Range;
@@ -38,6 +40,7 @@ pub(super) struct Ewa<'a> {
     source: Source,
     clamp: bool,
     planes: &'a [View<'a, f32>],
+    whole: Frame,
     /// The picture halved `lowest` times and more; `lowest` is at least 1.
     levels: Vec<Level>,
     lowest: usize,
@@ -68,10 +71,9 @@ impl<'a> Ewa<'a> {
         let most = pyramid::most(&window);
         let [lowest, top] = [levels(range.least, most)[0].max(1), levels(range.minor, most)[1]];
         let levels = pyramid::halved(&source, planes, [lowest, top], watch)?;
-        let farthest = (window.width() + window.height()) as f64;
-        let reach =
-            if range.major > 1.0 { (RADIUS * range.major).min(farthest).max(RADIUS) } else { Filter::Cubic.reach() };
-        Ok(Self { jacobians, source, clamp, planes, levels, lowest, top, reach })
+        let reach = if range.major > 1.0 { (RADIUS * range.major).min(FARTHEST) } else { Filter::Cubic.reach() };
+        let whole = Frame::whole(source);
+        Ok(Self { jacobians, source, clamp, planes, whole, levels, lowest, top, reach })
     }
 
     /// How far outside the source window a position gets weight from it, px, at most.
@@ -99,15 +101,12 @@ impl<'a> Ewa<'a> {
         bad
     }
 
-    /// The planes of a level, its edges, and how its pixels lie: [`Level::scale`] and [`Level::grown`].
+    /// A plane of a level, and how its pixels lie.
     #[inline(always)]
-    pub fn level(&self, level: usize, plane: usize) -> (View<'_, f32>, &Source, Point, [f32; 2]) {
+    pub fn level(&self, level: usize, plane: usize) -> (View<'_, f32>, &Frame) {
         match level.checked_sub(self.lowest) {
-            None => (self.planes[plane], &self.source, [1.0; 2], [1.0; 2]),
-            Some(i) => {
-                let level = &self.levels[i];
-                (level.view(plane), &level.source, level.scale, level.grown)
-            }
+            None => (self.planes[plane], &self.whole),
+            Some(i) => (self.levels[i].view(plane), &self.levels[i].frame),
         }
     }
 
@@ -158,13 +157,12 @@ impl<'a> Ewa<'a> {
         first: usize,
         room: &mut Alone,
     ) -> [f32; TOGETHER] {
-        let (_, source, scale, grown) = self.level(level, 0);
-        let ellipse = Ellipse::new(&shapes.axes(i), level, grown);
-        let [x, y] = self.place(at);
-        room.weights.lay(lanes, &ellipse, [x * scale[0], y * scale[1]]);
+        let frame = self.level(level, 0).1;
+        let ellipse = Ellipse::new(&shapes.axes(i), level, frame.grown);
+        room.weights.lay(lanes, &ellipse, frame.place(self.place(at)));
         let mut values = [0.0; TOGETHER];
         for (value, plane) in values.iter_mut().zip(first..self.planes.len()) {
-            *value = mean(&room.weights, &self.level(level, plane).0, source, self.clamp, &mut room.buffer);
+            *value = mean(&room.weights, &self.level(level, plane).0, &frame.source, self.clamp, &mut room.buffer);
         }
         values
     }
@@ -193,6 +191,7 @@ impl Work for Tile<'_, '_, '_> {
                 self.finish(lanes, row, &pixels.columns, values);
             }
         }
+        finish_stores();
         self.scratch.ellipses = ellipses;
     }
 }
@@ -205,12 +204,9 @@ impl Tile<'_, '_, '_> {
         let Scratch { shapes, alone, .. } = &mut **scratch;
         let pixels = row * at.width + columns.start..row * at.width + columns.end;
         let columns = *left + columns.start..*left + columns.end;
-        if is_plain(shapes, &at.x[pixels.clone()], pixels.start, values) {
-            for (plane, out) in out.iter_mut().enumerate() {
-                let out = &mut out.row_mut(row)[columns.clone()];
-                out.iter_mut().zip(values).for_each(|(out, value)| *out = value[plane]);
-            }
-            return;
+        // Where nothing is drawn values are NaN.
+        if !shapes.mix_in(pixels.clone()) && !some_not_finite(values[..pixels.len()].as_flattened()) {
+            return store(values, row, columns, out);
         }
         for (column, (pixel, value)) in columns.clone().zip(pixels.zip(values)) {
             let (place, share) = ([at.x[pixel], at.y[pixel]], shapes.share(pixel));
@@ -236,24 +232,8 @@ impl Tile<'_, '_, '_> {
 fn blocks(at: &Located) -> Vec<Pixels> {
     let range = |start: usize, count: usize, step: usize| start..count.min(start + step);
     let columns = || (0..at.width).step_by(WIDTH).map(|start| range(start, at.width, WIDTH));
-    let rows = (0..at.height()).step_by(ROWS).map(|start| range(start, at.height(), ROWS));
+    let rows = (0..at.height).step_by(ROWS).map(|start| range(start, at.height, ROWS));
     rows.flat_map(|rows| columns().map(move |columns| Pixels { columns, rows: rows.clone() })).collect()
-}
-
-/// Whether all values of a row of a block stand as they are.
-#[inline(always)]
-fn is_plain(shapes: &Shapes, xs: &[f64], first: usize, values: &Values) -> bool {
-    let (mut wild, mut missing) = ([0.0; LANES], 0.0);
-    for values in values.as_flattened()[..xs.len() * TOGETHER].chunks_exact(TOGETHER) {
-        for lane in 0..TOGETHER {
-            // NaN if the value is not finite, else a zero.
-            wild[lane] += values[lane] * 0.0;
-        }
-    }
-    for x in xs {
-        missing += x * 0.0;
-    }
-    !wild.iter().any(|wild| wild.is_nan()) && !f64::is_nan(missing) && !shapes.mix_in(first..first + xs.len())
 }
 
 /// What a thread reuses from tile to tile.
@@ -315,7 +295,7 @@ fn inner_mean(weights: &Weights, plane: &View<f32>) -> f32 {
         rest = others;
         for (weights, samples) in groups.iter().zip(samples.as_chunks::<LANES>().0) {
             for lane in 0..LANES {
-                sums[lane] += weights[lane] * samples[lane];
+                sums[lane] = weights[lane].mul_add(samples[lane], sums[lane]);
             }
         }
     }
@@ -328,21 +308,26 @@ fn inner_mean(weights: &Weights, plane: &View<f32>) -> f32 {
 fn careful_mean(weights: &Weights, plane: &View<f32>, source: &Source, clamp: bool, buffer: &mut Vec<f32>) -> f32 {
     let mut sums = [0.0; LANES];
     let mut range = [[f32::INFINITY; LANES], [f32::NEG_INFINITY; LANES]];
-    let mut start = 0;
-    for run in &weights.runs {
-        let groups = &weights.groups[start..start + run.groups];
-        start += run.groups;
-        let samples = samples(run, plane, source, buffer);
-        for (weights, samples) in groups.iter().zip(samples.as_chunks::<LANES>().0) {
-            for lane in 0..LANES {
-                let sample = if weights[lane] != 0.0 { samples[lane] } else { 0.0 };
-                sums[lane] += weights[lane] * sample;
+    vectorized(
+        #[inline(always)]
+        || {
+            let mut start = 0;
+            for run in &weights.runs {
+                let groups = &weights.groups[start..start + run.groups];
+                start += run.groups;
+                let samples = samples(run, plane, source, buffer);
+                for (weights, samples) in groups.iter().zip(samples.as_chunks::<LANES>().0) {
+                    for lane in 0..LANES {
+                        let sample = if weights[lane] != 0.0 { samples[lane] } else { 0.0 };
+                        sums[lane] = weights[lane].mul_add(sample, sums[lane]);
+                    }
+                    if clamp {
+                        widen(&mut range, weights, samples);
+                    }
+                }
             }
-            if clamp {
-                widen(&mut range, weights, samples);
-            }
-        }
-    }
+        },
+    );
     // Never minus zero.
     let value = group_total(sums) / weights.sum + 0.0;
     let low = range[0].into_iter().fold(f32::INFINITY, f32::min);

@@ -96,14 +96,19 @@ impl<const T: usize, const D: usize> Kernel<T, D> {
         let s = t - 0.5;
         let mut q = self.q[D - 1][tap];
         for d in (0..D - 1).rev() {
-            q = q * s + self.q[d][tap];
+            q = q.mul_add(s, self.q[d][tap]);
         }
-        self.at_zero[tap] + t * q
+        t.mul_add(q, self.at_zero[tap])
     }
 
     /// The weights at t.
+    #[inline(always)]
     pub fn weights(&self, t: f32) -> [f32; T] {
-        std::array::from_fn(|tap| self.weight(tap, t))
+        let mut weights = [0.0; T];
+        for (tap, weight) in weights.iter_mut().enumerate() {
+            *weight = self.weight(tap, t);
+        }
+        weights
     }
 }
 

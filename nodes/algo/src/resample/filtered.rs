@@ -1,6 +1,6 @@
 //! Filtered values of a tile's pixels, block by block.
 
-use super::block::{BLOCK_WIDTH, Block, Part, Pixels, Samples, Supply};
+use super::block::{BLOCK_WIDTH, Block, Part, Pixels, Samples, Supply, finish_stores, store};
 use super::filter::Kernel;
 use super::locate::Located;
 use super::sample::Source;
@@ -32,7 +32,7 @@ pub(super) fn filtered<const T: usize, const D: usize>(
     out: &mut [ViewMut<f32>],
 ) -> u64 {
     let mut painter = Painter { kernel, clamp, source, positions, left, taps: Taps::EMPTY };
-    let (width, rows) = (positions.width, 0..positions.height());
+    let (width, rows) = (positions.width, 0..positions.height);
     let columns = (0..width).step_by(BLOCK_WIDTH).map(|start| start..width.min(start + BLOCK_WIDTH));
     let pixels: Vec<_> = columns.map(|columns| Pixels { columns, rows: rows.clone() }).collect();
     let (mut parts, mut bad) = (vec![None; pixels.len()], 0);
@@ -53,8 +53,7 @@ pub(super) fn filtered<const T: usize, const D: usize>(
             || bad += painter.block(planes, pixels, [parts[i], next], blocks, out),
         );
     }
-    #[cfg(target_arch = "x86_64")]
-    super::simd::finish_stores();
+    finish_stores();
     bad
 }
 
@@ -116,10 +115,10 @@ impl<const T: usize, const D: usize> Painter<'_, T, D> {
 
     #[inline(always)]
     fn rows<const C: usize>(&mut self, mut supply: Supply<C>, pixels: &Pixels, out: &mut [ViewMut<f32>]) -> u64 {
-        let mut bad = 0;
+        let (mut values, mut bad) = ([[0.0; C]; BLOCK_WIDTH], 0);
         // Iterators' closures are not always compiled for the vectors at hand.
         for row in pixels.rows.clone() {
-            bad += self.row(row, &mut supply, pixels, out);
+            bad += self.row(row, &mut supply, pixels, &mut values, out);
         }
         bad
     }
@@ -130,33 +129,57 @@ impl<const T: usize, const D: usize> Painter<'_, T, D> {
         row: usize,
         supply: &mut Supply<C>,
         pixels: &Pixels,
+        values: &mut Values<C>,
         out: &mut [ViewMut<f32>],
     ) -> u64 {
         let (xs, ys) = self.positions.row(row);
         let at = [&xs[pixels.columns.clone()], &ys[pixels.columns.clone()]];
         self.taps.fill(self.kernel, self.clamp, self.source, at, supply.part, supply.stride);
-        let samples = &supply.samples(self.taps.last() as usize / supply.stride + T);
-        let mut values = [[0.0; C]; BLOCK_WIDTH];
-        let wild = weigh::sums(samples, &self.taps, &mut values);
+        let samples = &supply.samples(self.taps.last as usize / supply.stride + T);
+        let wild = weigh::sums(samples, &self.taps, values);
         if self.clamp {
-            weigh::clamp(samples, &self.taps, &mut values);
+            weigh::clamp(samples, &self.taps, values);
         }
-        let bad = if wild | self.taps.some_alone() { self.mend(samples, at, out.len(), &mut values) } else { 0 };
+        let bad = if wild || (self.taps.some_alone && self.needs_mending(values)) {
+            self.mend(samples, at, out.len(), values)
+        } else {
+            0
+        };
         let columns = self.columns(pixels);
-        let count = out.len();
-        let mut rows: [&mut [f32]; C] = std::array::from_fn(|_| Default::default());
-        for (to, out) in rows.iter_mut().zip(out) {
-            *to = &mut out.row_mut(row)[columns.clone()];
-        }
-        store(&values, &mut rows[..count]);
+        store(values, row, columns, out);
         bad
+    }
+
+    /// Whether a pixel to be weighed alone may differ. At a whole position a finite value is right but for the sign of a
+    /// zero: there weights are 0 and 1, or samples of weight 0 change no sum.
+    #[inline(always)]
+    fn needs_mending<const C: usize>(&self, values: &Values<C>) -> bool {
+        let mut some = false;
+        for (value, &alone) in values.iter().zip(&self.taps.alone) {
+            let mut zero = self.clamp;
+            for channel in value {
+                zero |= *channel == 0.0;
+            }
+            some |= if alone == WHOLE { zero } else { alone != 0 };
+        }
+        some
     }
 
     /// Weighs pixels of a row alone: those that must be, and those where a value is not finite, since there zero weights
     /// matter. Returns how many of the first `count` channels' values are not finite.
     #[cold]
     #[inline(never)]
-    fn mend<const C: usize>(
+    fn mend<const C: usize>(&self, samples: &Samples<C>, at: [&[f64]; 2], count: usize, values: &mut Values<C>) -> u64 {
+        let mut bad = 0;
+        vectorized(
+            #[inline(always)]
+            || bad = self.mended(samples, at, count, values),
+        );
+        bad
+    }
+
+    #[inline(always)]
+    fn mended<const C: usize>(
         &self,
         samples: &Samples<C>,
         [xs, ys]: [&[f64]; 2],
@@ -178,19 +201,5 @@ impl<const T: usize, const D: usize> Painter<'_, T, D> {
             bad += value[..count].iter().filter(|value| !value.is_finite()).count() as u64;
         }
         bad
-    }
-}
-
-/// Writes the values' channels to a row of each plane.
-#[inline(always)]
-fn store<const C: usize>(values: &Values<C>, rows: &mut [&mut [f32]]) {
-    #[cfg(target_arch = "x86_64")]
-    if super::simd::store(values, rows) {
-        return;
-    }
-    for (channel, row) in rows.iter_mut().enumerate() {
-        for (sample, value) in row.iter_mut().zip(values) {
-            *sample = value[channel];
-        }
     }
 }

@@ -1,12 +1,14 @@
 //! Locating through a forward map: its cells are drawn into the destination.
 
-use super::cell::{Corners, InverseAffine, InverseBilinear, Shape};
+use super::cell::{Corners, InverseAffine, InverseBilinear, InverseNearlyAffine, Shape};
 use super::locate::{BAND_HEIGHT, Clip, Located};
 use super::net::{Axis, Net};
 use super::spans::{Centers, Point, Spans};
 use crate::bins::by_band;
 use crate::rect::Rect;
+use crate::simd::{counted, lanes_of};
 use crate::{Interrupted, Watch};
+use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -131,6 +133,18 @@ impl<'a> Forward<'a> {
 
     /// Locates a tile of band number `band`.
     pub fn tile(&self, band: usize, tile: &Rect, out: &mut Located, watch: Watch) -> Result<(), Interrupted> {
+        self.tile_by(Arch::new(), band, tile, out, watch)
+    }
+
+    /// By one of the processor's kinds of lanes.
+    fn tile_by(
+        &self,
+        arch: Arch,
+        band: usize,
+        tile: &Rect,
+        out: &mut Located,
+        watch: Watch,
+    ) -> Result<(), Interrupted> {
         let mut drawing = Drawing { spans: Spans::new(tile), columns: Centers::new(tile.x0, tile.x1), out };
         let [left, right] = [tile.x0, tile.x1].map(|x| (x - self.window.x0) as u32);
         let (mut upper, mut lower) = (Vec::new(), Vec::new());
@@ -145,15 +159,14 @@ impl<'a> Forward<'a> {
             lower.clear();
             self.load(row, first..end + 1, &mut upper);
             self.load(row + 1, first..end + 1, &mut lower);
-            for (cell, (upper, lower)) in (first..end).zip(upper.windows(2).zip(lower.windows(2))) {
-                self.draw([cell, row], &[upper[0], upper[1], lower[1], lower[0]], &mut drawing);
-            }
+            arch.dispatch(Cells { forward: self, row, first, upper: &upper, lower: &lower, drawing: &mut drawing });
         }
         Ok(())
     }
 
-    fn draw(&self, cell: [usize; 2], corners: &Corners, drawing: &mut Drawing) {
-        let rows = drawing.spans.trace(corners);
+    #[inline(always)]
+    fn draw(&self, simd: impl Simd, cell: [usize; 2], corners: &Corners, drawing: &mut Drawing) {
+        let rows = drawing.spans.trace(simd, corners);
         if rows.is_empty() {
             return;
         }
@@ -164,6 +177,9 @@ impl<'a> Forward<'a> {
         let source = self.source(cell);
         match shape {
             Shape::Convex { mirrored } => {
+                if let Some(inverse) = InverseNearlyAffine::new(corners) {
+                    return drawing.fill_lanes(simd, rows, &source, &inverse);
+                }
                 let inverse = InverseBilinear::new(corners, mirrored);
                 if inverse.is_uneven() {
                     drawing.fill(rows, &source, |p| inverse.polished(p));
@@ -174,7 +190,7 @@ impl<'a> Forward<'a> {
             Shape::Folded { split } => {
                 for third in [1, 2] {
                     let ends = [split, split + third, (split + third + 1) % 4];
-                    drawing.fill_triangle(ends.map(|i| (corners[i], UNIT_CORNERS[i])), &source);
+                    drawing.fill_triangle(simd, ends.map(|i| (corners[i], UNIT_CORNERS[i])), &source);
                 }
             }
         }
@@ -196,6 +212,29 @@ impl<'a> Forward<'a> {
         let high = [self.columns.stops[column + 1], self.rows.stops[row + 1]];
         let inside = self.clip.holds(low) && high[0] < self.clip.high[0] && high[1] < self.clip.high[1];
         Source { low, size: [high[0] - low[0], high[1] - low[1]], clip: (!inside).then_some(self.clip) }
+    }
+}
+
+/// Neighbouring cells of a row, from number `first` on, to be drawn.
+struct Cells<'a, 'b, 'c> {
+    forward: &'a Forward<'b>,
+    row: usize,
+    first: usize,
+    /// Their nodes.
+    upper: &'a [Point],
+    lower: &'a [Point],
+    drawing: &'a mut Drawing<'c>,
+}
+
+impl WithSimd for Cells<'_, '_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        for (i, (upper, lower)) in self.upper.windows(2).zip(self.lower.windows(2)).enumerate() {
+            let corners = [upper[0], upper[1], lower[1], lower[0]];
+            self.forward.draw(simd, [self.first + i, self.row], &corners, self.drawing);
+        }
     }
 }
 
@@ -246,15 +285,39 @@ struct Drawing<'a> {
 }
 
 impl Drawing<'_> {
-    fn fill_triangle(&mut self, corners: [(Point, Point); 3], source: &Source) {
+    #[inline(always)]
+    fn fill_triangle(&mut self, simd: impl Simd, corners: [(Point, Point); 3], source: &Source) {
         let polygon = corners.map(|(position, _)| position);
         let [a, b, c] = corners.map(|(_, uv)| uv);
         let inverse = InverseAffine::new(polygon);
-        let rows = self.spans.trace(&polygon);
+        let rows = self.spans.trace(simd, &polygon);
         self.fill(rows, source, |p| {
             let [s, t] = inverse.at(p);
             [0, 1].map(|i| a[i] + s * (b[i] - a[i]) + t * (c[i] - a[i]))
         });
+    }
+
+    /// Fills the spans traced last with source positions, many at a time.
+    #[inline(always)]
+    fn fill_lanes<S: Simd>(&mut self, simd: S, rows: Range<usize>, source: &Source, inverse: &InverseNearlyAffine) {
+        let Source { low, size, clip } = source;
+        for row in rows {
+            let run = self.spans.run(row);
+            for first in run.clone().step_by(S::F64_LANES) {
+                let [u, v] = inverse.at(simd, self.columns.at(first), self.spans.row_center(row));
+                let x = simd.mul_add_f64s(u, simd.splat_f64s(size[0]), simd.splat_f64s(low[0]));
+                let y = simd.mul_add_f64s(v, simd.splat_f64s(size[1]), simd.splat_f64s(low[1]));
+                let mut here = simd.less_than_f64s(counted(simd, 0.0), simd.splat_f64s((run.end - first) as f64));
+                if let Some(clip) = clip {
+                    here = simd.and_m64s(here, clip.holds_lanes(simd, [x, y]));
+                }
+                let to = row * self.out.width + first;
+                for (all, values) in [(&mut self.out.x, x), (&mut self.out.y, y)] {
+                    let values_there = lanes_of::<S>(all, to);
+                    *values_there = simd.select_f64s(here, values, *values_there);
+                }
+            }
+        }
     }
 
     /// Fills the spans traced last with source positions; `uv` gives the place in the cell of a pixel centre.
@@ -287,6 +350,45 @@ impl Drawing<'_> {
                 let position = [low[0] + u * size[0], low[1] + v * size[1]];
                 if wanted(position) {
                     [*to_x, *to_y] = position;
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::UNWATCHED;
+    use crate::lattice::{Lattice, Positions};
+
+    /// Where a tile's pixels come from, as bits.
+    fn located(arch: Arch, positions: &Positions, lattice: &Lattice, clip: Option<Clip>) -> Vec<[u64; 2]> {
+        let window = Rect::new(3, -7, 3 + 100, 50);
+        let forward = Forward::new(Net::new(lattice, positions), window, clip, UNWATCHED).expect("unwatched");
+        let mut out = Located::default();
+        out.locate(None, 0, &window, UNWATCHED).expect("unwatched");
+        forward.tile_by(arch, 0, &window, &mut out, UNWATCHED).expect("unwatched");
+        out.x.iter().zip(&out.y).map(|(x, y)| [x.to_bits(), y.to_bits()]).collect()
+    }
+
+    #[test]
+    #[cfg(target_arch = "x86_64")]
+    fn all_processors_locate_alike() {
+        let wide = pulp::x86::V3::try_new().map(Arch::V3);
+        let widest = pulp::x86::V4::try_new().map(Arch::V4);
+        for (cell, bend) in [(5.0, 0.3), (5.0, 4.0), (13.0, 6.0), (40.0, 20.0)] {
+            let lattice = Lattice { origin: [-4.0, 2.0], spacing: [cell; 2], nodes: [9, 7] };
+            let bent = |[x, y]: Point| {
+                let (s, c) = (libm::sin(0.3 * y / cell), libm::cos(0.7 * x / cell));
+                [0.9 * x - 0.4 * y + bend * s + 11.0, 0.5 * x + y + bend * c]
+            };
+            let positions = Positions::from_map(&lattice, bent);
+            for clip in [None, Some(Clip { low: [1.0, 4.0], high: [6.0 * cell, 5.0 * cell] })] {
+                let plain = located(Arch::Scalar, &positions, &lattice, clip);
+                assert!(plain.iter().any(|[x, _]| !f64::from_bits(*x).is_nan()));
+                for arch in [wide, widest].into_iter().flatten() {
+                    assert!(located(arch, &positions, &lattice, clip) == plain, "{arch:?} {cell} {bend}");
                 }
             }
         }

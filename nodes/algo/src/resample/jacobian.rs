@@ -4,7 +4,7 @@ use super::Map;
 use super::axes::{Axes, Shapes};
 use super::cell::{Corners, Shape};
 use super::locate::Located;
-use super::net::{Net, Place};
+use super::net::{Columns, Net, Place};
 use super::spans::Point;
 use crate::rect::Rect;
 use crate::simd::vectorized;
@@ -47,10 +47,11 @@ impl<'a> Jacobians<'a> {
 
     /// The axes at each pixel of a tile; [`Axes::UNIT`] where nothing is drawn.
     pub fn tile(&self, at: &Located, shapes: &mut Shapes) {
-        shapes.resize(at.x.len());
+        let count = at.width * at.height;
+        shapes.resize(count);
         if self.is_forward {
             let mut last = None;
-            for (i, (&x, &y)) in at.x.iter().zip(&at.y).enumerate() {
+            for (i, (&x, &y)) in at.x[..count].iter().zip(&at.y).enumerate() {
                 shapes.set(i, self.at_source([x, y], &mut last));
             }
             return;
@@ -59,9 +60,9 @@ impl<'a> Jacobians<'a> {
         vectorized(
             #[inline(always)]
             || {
-                for row in 0..at.height() {
+                for row in 0..at.height {
                     lines.next(&self.net, at.corner[1] + row as i64);
-                    lines.axes(shapes.rows_mut(row * at.width..(row + 1) * at.width));
+                    lines.axes(at.row(row), shapes.rows_mut(row * at.width..(row + 1) * at.width));
                 }
             },
         );
@@ -178,23 +179,26 @@ impl Lines {
         std::mem::swap(&mut self.above, &mut self.below);
         let place = net.center(1, y);
         for axis in 0..2 {
-            row(net, axis, place, self.first, &mut self.nodes);
+            net.line(axis, place, self.first, &mut self.nodes);
             self.sides.blend(&self.nodes, &mut self.middle[axis]);
         }
         self.lower(net, y + 1);
     }
 
-    /// The axes of the row gone on to: of the differences between the middles of a pixel's sides.
+    /// The axes of the row gone on to: of the differences between the middles of a pixel's sides; where one side is not
+    /// finite, twice that from the centre to the other.
     #[inline(always)]
-    fn axes(&self, [major, minor, cos, sin]: [&mut [f32]; 4]) {
+    fn axes(&self, (center_x, center_y): (&[f64], &[f64]), [major, minor, cos, sin]: [&mut [f32]; 4]) {
         let count = major.len();
+        let (center_x, center_y) = (&center_x[..count], &center_y[..count]);
         let [[x, y], [above_x, above_y], [below_x, below_y]] =
             [&self.middle, &self.above, &self.below].map(|line| line.each_ref().map(|line| &line[..count]));
         let [next_x, next_y] = self.middle.each_ref().map(|line| &line[1..count + 1]);
         let (minor, cos, sin) = (&mut minor[..count], &mut cos[..count], &mut sin[..count]);
         for i in 0..count {
-            let f = [below_x[i] - above_x[i], below_y[i] - above_y[i]];
-            let axes = Axes::of([[next_x[i] - x[i], next_y[i] - y[i]], f]);
+            let e = [across(x[i], center_x[i], next_x[i]), across(y[i], center_y[i], next_y[i])];
+            let f = [across(above_x[i], center_x[i], below_x[i]), across(above_y[i], center_y[i], below_y[i])];
+            let axes = Axes::of([e, f]);
             (major[i], minor[i]) = (axes.squares[0], axes.squares[1]);
             (cos[i], sin[i]) = (axes.twice[0], axes.twice[1]);
         }
@@ -205,53 +209,18 @@ impl Lines {
     fn lower(&mut self, net: &Net, y: i64) {
         let place = net.place(1, y as f64);
         for axis in 0..2 {
-            row(net, axis, place, self.first, &mut self.nodes);
+            net.line(axis, place, self.first, &mut self.nodes);
             self.centers.blend(&self.nodes, &mut self.below[axis]);
         }
     }
 }
 
-/// Places along a line of nodes.
-struct Columns {
-    steps: Vec<f64>,
-    /// Where runs of places between the same two nodes end, and those nodes.
-    runs: Vec<(usize, [usize; 2])>,
-}
-
-impl Columns {
-    /// `first`: the first of the nodes.
-    fn new(places: &[Place], first: usize) -> Self {
-        let nodes = |place: &Place| [place.node - first, place.next - first];
-        let mut end = 0;
-        let runs = places.chunk_by(|a, b| nodes(a) == nodes(b)).map(|run| {
-            end += run.len();
-            (end, nodes(&run[0]))
-        });
-        Self { runs: runs.collect(), steps: places.iter().map(|place| place.t).collect() }
-    }
-
-    /// One coordinate at the places.
-    #[inline(always)]
-    fn blend(&self, nodes: &[f64], out: &mut [f64]) {
-        let mut start = 0;
-        for &(end, [node, next]) in &self.runs {
-            let (from, step) = (nodes[node], nodes[next] - nodes[node]);
-            for (out, t) in out[start..end].iter_mut().zip(&self.steps[start..end]) {
-                *out = from + t * step;
-            }
-            start = end;
-        }
-    }
-}
-
-/// One coordinate of the map on the line at `place`, at the columns of nodes from `first` on.
+/// How much a coordinate differs across a pixel, by its values at two sides and the centre.
 #[inline(always)]
-fn row(net: &Net, axis: usize, place: Place, first: usize, out: &mut [f64]) {
-    let values = [&net.positions.x, &net.positions.y][axis];
-    let [here, next] = [place.node, place.next].map(|row| &values[row * net.lattice.nodes[0] + first..][..out.len()]);
-    for ((out, &here), &next) in out.iter_mut().zip(here).zip(next) {
-        *out = place.blend(here, next);
-    }
+fn across(before: f64, center: f64, after: f64) -> f64 {
+    let before = if before.is_finite() { before } else { center - (after - center) };
+    let after = if after.is_finite() { after } else { center + (center - before) };
+    after - before
 }
 
 /// The greatest axes, px, and how long the minor axis is at least.

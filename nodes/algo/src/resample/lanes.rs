@@ -24,6 +24,8 @@ pub(super) trait Lanes: Copy {
     fn add(self, a: Self::Two, b: Self::Two) -> Self::Two;
     fn sub(self, a: Self::Two, b: Self::Two) -> Self::Two;
     fn mul(self, a: Self::Two, b: Self::Two) -> Self::Two;
+    /// `a * b + c`, rounded once.
+    fn mul_add(self, a: Self::Two, b: Self::Two, c: Self::Two) -> Self::Two;
     fn max(self, a: Self::Two, b: Self::Two) -> Self::Two;
 
     /// Four lanes four times each.
@@ -73,6 +75,16 @@ impl Lanes for Plain {
     #[inline(always)]
     fn mul(self, a: Self::Two, b: Self::Two) -> Self::Two {
         std::array::from_fn(|i| a[i] * b[i])
+    }
+
+    #[inline(always)]
+    fn mul_add(self, a: Self::Two, b: Self::Two, c: Self::Two) -> Self::Two {
+        // Closures given to arrays are not always compiled for the vectors at hand; here they would call a function.
+        let mut sums = c;
+        for i in 0..TWICE {
+            sums[i] = a[i].mul_add(b[i], c[i]);
+        }
+        sums
     }
 
     #[inline(always)]
@@ -139,6 +151,11 @@ impl Lanes for V4 {
     #[inline(always)]
     fn mul(self, a: Self::Two, b: Self::Two) -> Self::Two {
         self.mul_f32s(a, b)
+    }
+
+    #[inline(always)]
+    fn mul_add(self, a: Self::Two, b: Self::Two, c: Self::Two) -> Self::Two {
+        self.mul_add_f32s(a, b, c)
     }
 
     #[inline(always)]

@@ -1,13 +1,15 @@
 //! Locate: from a tile of the destination to the source position of each of its pixels.
 
+use super::Map;
 use super::forward::Forward;
-use super::net::{Net, Place};
-use super::{Map, spans::Point};
+use super::net::{Columns, Net, Place};
+use super::spans::Point;
 use crate::lattice::Positions;
 use crate::rect::Rect;
-use crate::simd::vectorized;
+use crate::simd::{F64_LANES, vectorized};
 use crate::steps::Steps;
 use crate::{Interrupted, Watch};
+use pulp::Simd;
 use rayon::prelude::*;
 
 /// Pixel rows per band; bands are worked on side by side.
@@ -21,8 +23,12 @@ pub(super) struct Located {
     /// The tile's first pixel.
     pub corner: [i64; 2],
     pub width: usize,
+    pub height: usize,
+    /// Those of the pixels, and more of no meaning that fill up lanes.
     pub x: Vec<f64>,
     pub y: Vec<f64>,
+    /// How many pixels are drawn.
+    pub drawn: u64,
 }
 
 impl Located {
@@ -35,37 +41,37 @@ impl Located {
         watch: Watch,
     ) -> Result<(), Interrupted> {
         self.corner = [tile.x0, tile.y0];
-        self.width = tile.width();
+        (self.width, self.height) = (tile.width(), tile.height());
         for values in [&mut self.x, &mut self.y] {
-            values.resize(tile.width() * tile.height(), f64::NAN);
+            values.resize(self.width * self.height + F64_LANES, f64::NAN);
         }
-        match locator {
-            None => self.clear(),
+        self.drawn = match locator {
+            None => {
+                self.clear();
+                0
+            }
             Some(Locator::Forward(forward)) => {
                 self.clear();
                 forward.tile(band, tile, self, watch)?;
+                self.count()
             }
             Some(Locator::Backward { net, clip }) => gather(net, clip, tile, self),
-        }
+        };
         Ok(())
     }
 
-    /// How many pixels are drawn.
-    pub fn drawn(&self) -> u64 {
+    /// How many pixels have a position.
+    fn count(&self) -> u64 {
         let mut count = 0;
         vectorized(
             #[inline(always)]
             || {
-                for &x in &self.x {
+                for &x in &self.x[..self.width * self.height] {
                     count += u64::from(!x.is_nan());
                 }
             },
         );
         count
-    }
-
-    pub fn height(&self) -> usize {
-        self.x.len() / self.width
     }
 
     /// x and y of a row of the tile.
@@ -103,6 +109,15 @@ impl Clip {
     #[inline(always)]
     pub fn holds(&self, [x, y]: Point) -> bool {
         (x >= self.low[0]) & (x < self.high[0]) & (y >= self.low[1]) & (y < self.high[1])
+    }
+
+    #[inline(always)]
+    pub fn holds_lanes<S: Simd>(&self, simd: S, [x, y]: [S::f64s; 2]) -> S::m64s {
+        let [low_x, low_y] = [simd.splat_f64s(self.low[0]), simd.splat_f64s(self.low[1])];
+        let [high_x, high_y] = [simd.splat_f64s(self.high[0]), simd.splat_f64s(self.high[1])];
+        let x = simd.and_m64s(simd.less_than_or_equal_f64s(low_x, x), simd.less_than_f64s(x, high_x));
+        let y = simd.and_m64s(simd.less_than_or_equal_f64s(low_y, y), simd.less_than_f64s(y, high_y));
+        simd.and_m64s(x, y)
     }
 }
 
@@ -142,7 +157,7 @@ pub(crate) fn sources(map: &Map, window: Rect, watch: Watch) -> Result<Positions
             let height = (xs.len() / width) as i64;
             let tile = Rect::new(window.x0 + left as i64, top, window.x0 + right as i64, top + height);
             located.locate(Some(&locator), index, &tile, watch)?;
-            for row in 0..located.height() {
+            for row in 0..located.height {
                 let (from_x, from_y) = located.row(row);
                 xs[row * width + left..row * width + right].copy_from_slice(from_x);
                 ys[row * width + left..row * width + right].copy_from_slice(from_y);
@@ -153,20 +168,14 @@ pub(crate) fn sources(map: &Map, window: Rect, watch: Watch) -> Result<Positions
     Ok(Positions { x, y })
 }
 
-/// Rows between the one evaluated and the one fetched.
-#[cfg(target_arch = "x86_64")]
-const AHEAD: usize = 2;
-
-/// Evaluates a backward map at the tile's pixel centres.
-fn gather(net: &Net, clip: &Clip, tile: &Rect, out: &mut Located) {
-    let columns: Vec<Place> = (tile.x0..tile.x1).map(|x| net.center(0, x)).collect();
-    let first = columns.iter().map(|place| place.node.min(place.next)).min().unwrap_or(0);
-    let end = columns.iter().map(|place| place.node.max(place.next) + 1).max().unwrap_or(0);
-    // One node per pixel: each stands at its node, or each between its node and the next.
-    let step = columns[0].next - columns[0].node.min(columns[0].next);
-    let dense = columns.iter().enumerate().all(|(i, place)| place.node == first + i && place.next == first + i + step);
-    let steps: Vec<f64> = columns.iter().map(|place| place.t).collect();
-    let mut nodes = vec![0.0; end - first];
+/// Evaluates a backward map at the tile's pixel centres. Returns how many are drawn.
+fn gather(net: &Net, clip: &Clip, tile: &Rect, out: &mut Located) -> u64 {
+    let places: Vec<Place> = (tile.x0..tile.x1).map(|x| net.center(0, x)).collect();
+    let needed = || places.iter().flat_map(|place| [place.node, place.next]);
+    let first = needed().min().unwrap_or(0);
+    let columns = Columns::new(&places, first);
+    let mut nodes = vec![0.0; needed().max().map_or(0, |last| last + 1 - first)];
+    let mut drawn = 0;
     vectorized(
         #[inline(always)]
         || {
@@ -174,38 +183,24 @@ fn gather(net: &Net, clip: &Clip, tile: &Rect, out: &mut Located) {
                 let place = net.center(1, y);
                 let pixels = row * out.width..(row + 1) * out.width;
                 let (xs, ys) = (&mut out.x[pixels.clone()], &mut out.y[pixels]);
-                for (axis, out) in [&mut *xs, &mut *ys].into_iter().enumerate() {
-                    blend_rows(net, axis, place, first, &mut nodes);
-                    if dense {
-                        for (((out, here), next), t) in out.iter_mut().zip(&nodes).zip(&nodes[step..]).zip(&steps) {
-                            *out = here + t * (next - here);
-                        }
-                    } else {
-                        for (out, place) in out.iter_mut().zip(&columns) {
-                            *out = place.blend(nodes[place.node - first], nodes[place.next - first]);
-                        }
-                    }
+                net.line(0, place, first, &mut nodes);
+                columns.blend(&nodes, xs);
+                net.line(1, place, first, &mut nodes);
+                columns.blend(&nodes, ys);
+                let mut inside = 0;
+                for (&x, &y) in xs.iter().zip(&*ys) {
+                    inside += u64::from(clip.holds([x, y]));
                 }
-                for (x, y) in xs.iter_mut().zip(ys.iter_mut()) {
+                drawn += inside;
+                if inside == out.width as u64 {
+                    continue;
+                }
+                for (x, y) in xs.iter_mut().zip(ys) {
                     let inside = clip.holds([*x, *y]);
                     (*x, *y) = if inside { (*x, *y) } else { (f64::NAN, f64::NAN) };
                 }
             }
         },
     );
-}
-
-/// One coordinate of the map on the line at `place`, at the columns of nodes from `first` on.
-#[inline(always)]
-fn blend_rows(net: &Net, axis: usize, place: Place, first: usize, out: &mut [f64]) {
-    let values = [&net.positions.x, &net.positions.y][axis];
-    let row = |row: usize| &values[row * net.lattice.nodes[0] + first..][..out.len()];
-    let (here, next) = (row(place.node), row(place.next));
-    #[cfg(target_arch = "x86_64")]
-    if let Some(ahead) = values.get((place.next + AHEAD) * net.lattice.nodes[0] + first..) {
-        super::simd::fetch(&ahead[..out.len().min(ahead.len())]);
-    }
-    for ((out, &here), &next) in out.iter_mut().zip(here).zip(next) {
-        *out = place.blend(here, next);
-    }
+    drawn
 }

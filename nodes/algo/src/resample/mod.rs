@@ -6,7 +6,7 @@
 //!
 //! A forward map is drawn cell by cell: where no cell folds, every pixel centre in the image of the lattice is
 //! owned by exactly one cell, shared edges and vertices included (`spans` says how that is decided), and its source
-//! position is the exact inverse of the bilinear map (`cell`). A cell with a corner whose Jacobian is zero or differs
+//! position is the inverse of the bilinear map, to rounding (`cell`). A cell with a corner whose Jacobian is zero or differs
 //! in sign from another's is drawn as two triangles, cut along the diagonal that leaves both the same way round if
 //! there is one, else along the one from its first node. Where cells overlap the last in row-major order wins.
 //! A cell with a node that is not finite, or farther than 2^40 px away, is not drawn.
@@ -38,6 +38,7 @@ mod simd;
 mod spans;
 mod taps;
 mod weigh;
+mod whole;
 
 pub use bounds::bounds;
 pub use filter::Filter;
@@ -100,19 +101,20 @@ pub struct Drawn {
 /// Draws planes of samples through a warp.
 ///
 /// The value of a destination pixel is the source filtered at the source position of the pixel's centre; but for Ewa
-/// the filter's footprint does not grow where the map shrinks. Sums are f32 in a fixed order. With a filter that
+/// the filter's footprint does not grow where the map shrinks. Sums are f32 in a fixed order, each product and
+/// the sum it goes to rounded once, on processors without an instruction for that slowly. With a filter that
 /// interpolates (all but Mitchell) a position within 2^-25 px of a pixel's centre gives that pixel's sample bit for
 /// bit. Samples of weight zero are not read, so NaN and infinity spread no farther than the footprint.
 ///
-/// Ewa takes the map's Jacobian at the pixel: of a backward map the differences across the pixel, of a forward map the
-/// inverse of its cell's derivative. With singular values a >= b, px per pixel, raised to 1 and to b >= a / 16, the
+/// Ewa takes the map's Jacobian at the pixel: of a backward map the differences across the pixel, where one side is not finite
+/// twice those to the other, of a forward map the inverse of its cell's derivative. With singular values a >= b, px per pixel, raised to 1 and to b >= a / 16, the
 /// pixel covers an ellipse with these semi-axes in the source. Where a <= 1, and where the Jacobian is not finite,
 /// Cubic is drawn, bit for bit; from a = 5/4 on the weighted mean over the ellipse; between them a smooth mix. A sample at
 /// the distance r from the centre, in units of the axes, weighs `(1 - u)^2 (1 - c u)`, u = (r / R)^2 < 1, over the sum,
 /// with R = 5/6 + 2 / 3b, and c such that the second moments are those of the pixel itself. Where b > 4 the samples
 /// are means of 2 x 2 pixels of the source, where b > 6 of 4 x 4, where b > 12 of 8 x 8 and so on; each change is a smooth mix
 /// that ends at 5/4 of where it starts. Where the source has odd sides these pixels are a little smaller, so that they
-/// cover it exactly and repeat where it does. Which sizes are made is decided at the corners of the map's cells;
+/// cover it exactly and repeat where it does. There are sizes down to one pixel. Which sizes are made is decided at the corners of the map's cells;
 /// pixels that shrink more than these, on a continuation far out, take an ellipse of the last one's reach. With
 /// `clamp_ringing` the range is that of samples of positive weight.
 ///
@@ -131,7 +133,7 @@ pub struct Drawn {
 ///
 /// Cost: linear in the cells and in the destination's pixels times planes; for Ewa times the samples of an ellipse,
 /// some 17 where a = b = 2, 50 where a = b = 4, and 1200 at most, planes taken four at a time; making the source smaller reads
-/// it once and asks `watch` for a third of its size at most. Bands of 64 rows go side by side; the result does not depend
+/// it once for each size and asks `watch` for a third of its size at most, and for a rim with [`Edge::Clamp`]. Bands of 64 rows go side by side; the result does not depend
 /// on how many.
 ///
 /// Keys' cubic: R. Keys, "Cubic convolution interpolation for digital image processing", IEEE Trans. ASSP 29, 1981,
@@ -240,7 +242,7 @@ fn draw_bands<T: Send, S: Default>(
             let x0 = window.x0 + left as i64;
             let tile = Rect { x0, x1: window.x1.min(x0 + TILE_WIDTH as i64), ..band };
             positions.locate(locator.as_ref(), index, &tile, watch)?;
-            drawn.pixels += positions.drawn();
+            drawn.pixels += positions.drawn;
             drawn.bad += fill(scratch, positions, left, &mut planes);
             watch.progress(done.load(Ordering::Relaxed) as f64 / count as f64)?;
         }

@@ -1,7 +1,11 @@
 //! The map itself: a lattice with its nodes' positions, continued past its border.
 
+use super::block::fetch;
 use super::cell::Corners;
 use crate::lattice::{Lattice, Positions};
+
+/// Rows between the one evaluated and the one fetched.
+const AHEAD: usize = 4;
 
 /// A lattice with its nodes' positions: bilinear between nodes, the border cells' patches continued outside.
 #[derive(Clone, Copy, Debug)]
@@ -71,6 +75,19 @@ impl<'a> Net<'a> {
         [node, node + 1, below + 1, below].map(|node| [x[node], y[node]])
     }
 
+    /// One coordinate of the map on the line at `place`, at the columns of nodes from `first` on.
+    #[inline(always)]
+    pub fn line(&self, axis: usize, place: Place, first: usize, out: &mut [f64]) {
+        let (values, columns) = ([&self.positions.x, &self.positions.y][axis], self.lattice.nodes[0]);
+        let [here, next] = [place.node, place.next].map(|row| &values[row * columns + first..][..out.len()]);
+        if let Some(ahead) = values.get((place.next + AHEAD) * columns + first..) {
+            fetch(&ahead[..out.len().min(ahead.len())]);
+        }
+        for ((out, &here), &next) in out.iter_mut().zip(here).zip(next) {
+            *out = place.blend(here, next);
+        }
+    }
+
     /// The map at a place; not finite where a node it needs is not.
     pub fn position(&self, x: Place, y: Place) -> [f64; 2] {
         let columns = self.lattice.nodes[0];
@@ -78,6 +95,49 @@ impl<'a> Net<'a> {
             let along = |row: usize| x.blend(values[row * columns + x.node], values[row * columns + x.next]);
             y.blend(along(y.node), along(y.next))
         })
+    }
+}
+
+/// Places beside each other along a line of nodes.
+pub(super) struct Columns {
+    steps: Vec<f64>,
+    /// Where runs of places between the same two nodes end, and those nodes.
+    runs: Vec<(usize, [usize; 2])>,
+    /// How much farther the next node is, where there is one place per node from the first on.
+    dense: Option<usize>,
+}
+
+impl Columns {
+    /// `first`: the first of the nodes.
+    pub fn new(places: &[Place], first: usize) -> Self {
+        let nodes = |place: &Place| [place.node - first, place.next - first];
+        let mut end = 0;
+        let runs = places.chunk_by(|a, b| nodes(a) == nodes(b)).map(|run| {
+            end += run.len();
+            (end, nodes(&run[0]))
+        });
+        let step = places.first().map_or(0, |place| place.next.saturating_sub(place.node));
+        let dense = places.iter().enumerate().all(|(i, place)| nodes(place) == [i, i + step]);
+        Self { runs: runs.collect(), steps: places.iter().map(|place| place.t).collect(), dense: dense.then_some(step) }
+    }
+
+    /// One coordinate at the places, by that of the nodes.
+    #[inline(always)]
+    pub fn blend(&self, nodes: &[f64], out: &mut [f64]) {
+        if let Some(step) = self.dense {
+            for (((out, here), next), t) in out.iter_mut().zip(nodes).zip(&nodes[step..]).zip(&self.steps) {
+                *out = here + t * (next - here);
+            }
+            return;
+        }
+        let mut start = 0;
+        for &(end, [node, next]) in &self.runs {
+            let (from, step) = (nodes[node], nodes[next] - nodes[node]);
+            for (out, t) in out[start..end].iter_mut().zip(&self.steps[start..end]) {
+                *out = from + t * step;
+            }
+            start = end;
+        }
     }
 }
 

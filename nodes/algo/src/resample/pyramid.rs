@@ -3,7 +3,9 @@
 //! A level has a picture's size halved some times, rounded up, and covers the picture exactly: where a side is odd its pixels
 //! are a little smaller. So it begins, ends, and repeats where the picture does.
 
-use super::sample::Source;
+use super::block::fetch;
+use super::sample::{Edge, Source};
+use super::spans::Point;
 use crate::rect::Rect;
 use crate::simd::vectorized;
 use crate::view::View;
@@ -13,20 +15,42 @@ use rayon::prelude::*;
 /// Pixels of a row made at a time.
 const CHUNK: usize = 32;
 
-/// A picture made smaller: a pixel is the mean of the samples it covers.
+/// A picture made smaller: a pixel is the mean of the samples it covers. Where the picture's edge goes on and on it has a
+/// rim, one pixel wide, of what lies beyond.
 pub(super) struct Level {
-    pub source: Source,
-    /// Level pixels per px.
-    pub scale: [f64; 2],
-    /// How much smaller its pixels are than 2^level px.
-    pub grown: [f32; 2],
+    pub frame: Frame,
     /// All planes.
     samples: Vec<f32>,
 }
 
+/// How the pixels of a level, or of the picture itself, lie.
+pub(super) struct Frame {
+    /// Their window, the rim's included, and what lies outside.
+    pub source: Source,
+    /// Level pixels per px.
+    scale: Point,
+    /// How much smaller they are than 2^level px.
+    pub grown: [f32; 2],
+    /// How wide the rim is: 0 or 1.
+    rim: f64,
+}
+
+impl Frame {
+    /// Of the picture itself.
+    pub fn whole(source: Source) -> Self {
+        Self { source, scale: [1.0; 2], grown: [1.0; 2], rim: 0.0 }
+    }
+
+    /// A place in the picture, px from its corner, in level pixels from the rim's corner.
+    #[inline(always)]
+    pub fn place(&self, [x, y]: Point) -> Point {
+        [x * self.scale[0] + self.rim, y * self.scale[1] + self.rim]
+    }
+}
+
 impl Level {
     pub fn view(&self, plane: usize) -> View<'_, f32> {
-        let [width, height] = [self.source.window.width(), self.source.window.height()];
+        let [width, height] = [self.frame.source.window.width(), self.frame.source.window.height()];
         View::packed(&self.samples[plane * width * height..][..width * height], width, height)
     }
 }
@@ -39,10 +63,10 @@ pub(super) fn most(window: &Rect) -> usize {
     window.width().max(window.height()).next_power_of_two().trailing_zeros() as usize
 }
 
-/// The picture halved `lowest` to `top` times, at least once; the first is made from the picture itself, the others from
-/// the one before. A mean in which a sample is NaN is NaN.
+/// The picture halved `lowest` to `top` times, at least once, each made from the picture itself: so a level is the same
+/// whichever others there are. A mean in which a sample is NaN is NaN.
 ///
-/// Asks for a third of the picture's memory at most.
+/// Asks for a third of the picture's memory at most, and for the rims'.
 pub(super) fn halved(
     source: &Source,
     planes: &[View<f32>],
@@ -50,60 +74,81 @@ pub(super) fn halved(
     watch: Watch,
 ) -> Result<Vec<Level>, Interrupted> {
     let whole = [source.window.width(), source.window.height()];
+    let rim = usize::from(source.edge == Edge::Clamp);
     let sides = |level: usize| whole.map(|side| side.div_ceil(1 << level));
     let range = lowest.max(1)..=top;
-    let pixels: usize = range.clone().map(|level| sides(level).iter().product::<usize>()).sum();
+    let pixels: usize =
+        range.clone().map(|level| sides(level).iter().map(|side| side + 2 * rim).product::<usize>()).sum();
     watch.reserve(pixels * planes.len() * size_of::<f32>())?;
-    let mut levels: Vec<Level> = Vec::with_capacity(top);
-    for level in range {
+    let level = |level: usize| {
         let size = sides(level);
-        let samples = match levels.last() {
-            None => smaller(planes, size, watch)?,
-            Some(larger) => {
-                let planes: Vec<_> = (0..planes.len()).map(|plane| larger.view(plane)).collect();
-                smaller(&planes, size, watch)?
-            }
-        };
-        let scale = [0, 1].map(|axis| size[axis] as f64 / whole[axis] as f64);
+        let scale = [0, 1].map(|axis| {
+            // Of one pixel that goes on outside any part is the same: so ellipses stay small.
+            let alike = size[axis] == 1 && source.edge != Edge::Transparent;
+            if alike { 0.5_f64.powi(level as i32) } else { size[axis] as f64 / whole[axis] as f64 }
+        });
         let grown = scale.map(|scale| (scale * (1_u64 << level) as f64) as f32);
-        let window = Rect::new(0, 0, size[0] as i64, size[1] as i64);
-        levels.push(Level { source: Source { window, ..*source }, scale, grown, samples });
-    }
-    Ok(levels)
+        let [width, height] = size.map(|side| (side + 2 * rim) as i64);
+        let source = Source { window: Rect::new(0, 0, width, height), ..*source };
+        let samples = smaller(planes, size, rim, watch)?;
+        Ok(Level { frame: Frame { source, scale, grown, rim: rim as f64 }, samples })
+    };
+    range.map(level).collect()
 }
 
-/// All planes, of one size, made smaller: rows are added up first, then neighbours in the sum.
-fn smaller(planes: &[View<f32>], [width, height]: [usize; 2], watch: Watch) -> Result<Vec<f32>, Interrupted> {
-    let mut out = vec![0.0; planes.len() * width * height];
-    out.par_chunks_mut(width).enumerate().try_for_each_init(Vec::new, |sums: &mut Vec<f32>, (line, out)| {
-        watch.go_on()?;
-        let plane = &planes[line / height];
-        let across = Cover::new(plane.width(), width);
-        let down = Cover::new(plane.height(), height);
-        let rows = down.parts(line % height).map(|(row, weight)| Row {
-            samples: plane.row(row),
-            weight,
-            next: plane.row((row + down.step as usize).min(plane.height() - 1)),
-        });
-        let rows: Vec<_> = rows.collect();
-        sums.resize(plane.width(), 0.0);
-        vectorized(
-            #[inline(always)]
-            || {
-                let scale = 1.0 / (across.step * down.step) as f32;
-                match across.step {
-                    2.0 => whole::<2>(&rows, scale, out),
-                    4.0 => whole::<4>(&rows, scale, out),
-                    8.0 => whole::<8>(&rows, scale, out),
-                    _ => {
-                        add(&rows, 0, sums);
-                        across.means(sums, scale, out);
+/// All planes, of one size, made smaller, with a rim: rows are added up first, then neighbours in the sum.
+fn smaller(
+    planes: &[View<f32>],
+    [width, height]: [usize; 2],
+    rim: usize,
+    watch: Watch,
+) -> Result<Vec<f32>, Interrupted> {
+    let lines = height + 2 * rim;
+    let mut out = vec![0.0; planes.len() * (width + 2 * rim) * lines];
+    out.par_chunks_mut(width + 2 * rim).enumerate().try_for_each_init(
+        Vec::new,
+        |sums: &mut Vec<f32>, (line, out)| {
+            watch.go_on()?;
+            let plane = &planes[line / lines];
+            let across = Cover::new(plane.width(), width);
+            let down = Cover::new(plane.height(), height);
+            let last = plane.height() - 1;
+            let row = |row: usize, weight: f32| Row {
+                samples: plane.row(row),
+                weight,
+                next: plane.row((row + down.step as usize).min(last)),
+            };
+            let rows: Vec<_> = match line % lines {
+                0 if rim > 0 => vec![row(0, down.step as f32)],
+                line if line == height + rim => vec![row(last, down.step as f32)],
+                line => down.parts(line - rim).map(|(at, weight)| row(at, weight)).collect(),
+            };
+            sums.resize(plane.width(), 0.0);
+            vectorized(
+                #[inline(always)]
+                || {
+                    let scale = 1.0 / (across.step * down.step) as f32;
+                    let inner = &mut out[rim..rim + width];
+                    match across.step {
+                        2.0 => whole::<2>(&rows, scale, inner),
+                        4.0 => whole::<4>(&rows, scale, inner),
+                        8.0 => whole::<8>(&rows, scale, inner),
+                        _ => {
+                            add(&rows, 0, sums);
+                            across.means(sums, scale, inner);
+                        }
                     }
+                },
+            );
+            if rim > 0 {
+                for (to, column) in [(0, 0), (width + 1, plane.width() - 1)] {
+                    let sum = rows.iter().fold(0.0, |sum, row| sum + row.weight * row.samples[column]);
+                    out[to] = sum / down.step as f32;
                 }
-            },
-        );
-        Ok(())
-    })?;
+            }
+            Ok(())
+        },
+    )?;
     Ok(out)
 }
 
@@ -119,10 +164,7 @@ struct Row<'a> {
 fn add(rows: &[Row], first: usize, sums: &mut [f32]) {
     sums.fill(0.0);
     for Row { samples, weight, next } in rows {
-        #[cfg(target_arch = "x86_64")]
-        super::simd::fetch(&next[first..first + sums.len()]);
-        #[cfg(not(target_arch = "x86_64"))]
-        let _ = next;
+        fetch(&next[first..first + sums.len()]);
         for (sum, sample) in sums.iter_mut().zip(&samples[first..]) {
             *sum += weight * sample;
         }

@@ -18,20 +18,55 @@ pub enum Edge {
     Wrap,
 }
 
+/// What neighbours in a row or a column are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Stretch {
+    Zeros,
+    /// All the pixel at this index.
+    Same(usize),
+    /// The pixels from this index up.
+    Rising(usize),
+    /// The pixels from this index down.
+    Falling(usize),
+}
+
 impl Edge {
-    /// The pixel of `0..count` that stands at `index`; none where that is a zero. `count` is positive.
-    fn resolve(self, index: i32, count: usize) -> Option<usize> {
+    /// What stands at `index` and after it, beside the pixels `0..count`, and how many places on that ends; `count` is
+    /// positive.
+    #[inline(always)]
+    fn stretch(self, index: i32, count: usize) -> (Stretch, usize) {
+        const FOREVER: usize = usize::MAX;
         let (index, count) = (i64::from(index), count as i64);
-        let inside = match self {
-            Self::Transparent => return (0..count).contains(&index).then_some(index as usize),
-            Self::Clamp => index.clamp(0, count - 1),
-            Self::Wrap => index.rem_euclid(count),
+        if (0..count).contains(&index) {
+            return (Stretch::Rising(index as usize), (count - index) as usize);
+        }
+        match self {
+            Self::Transparent if index < 0 => (Stretch::Zeros, -index as usize),
+            Self::Transparent => (Stretch::Zeros, FOREVER),
+            Self::Clamp if index < 0 => (Stretch::Same(0), -index as usize),
+            Self::Clamp => (Stretch::Same(count as usize - 1), FOREVER),
+            Self::Wrap => {
+                let phase = index.rem_euclid(count);
+                (Stretch::Rising(phase as usize), (count - phase) as usize)
+            }
             Self::Mirror => {
                 let phase = index.rem_euclid(2 * count);
-                phase.min(2 * count - 1 - phase)
+                let mirrored = 2 * count - 1 - phase;
+                if phase < count {
+                    (Stretch::Rising(phase as usize), (count - phase) as usize)
+                } else {
+                    (Stretch::Falling(mirrored as usize), mirrored as usize + 1)
+                }
             }
-        };
-        Some(inside as usize)
+        }
+    }
+
+    /// The pixel of `0..count` that stands at `index`; none where that is a zero.
+    fn resolve(self, index: i32, count: usize) -> Option<usize> {
+        match self.stretch(index, count).0 {
+            Stretch::Zeros => None,
+            Stretch::Same(pixel) | Stretch::Rising(pixel) | Stretch::Falling(pixel) => Some(pixel),
+        }
     }
 }
 
@@ -51,6 +86,11 @@ impl Source {
     #[inline(always)]
     pub fn row(&self, row: i32) -> Option<usize> {
         self.edge.resolve(row, self.window.height())
+    }
+
+    /// What stands in a row at `column` and after it, and how many columns on that ends.
+    pub fn stretch(&self, column: i32) -> (Stretch, usize) {
+        self.edge.stretch(column, self.window.width())
     }
 
     /// The window's corner, px.
@@ -86,7 +126,7 @@ pub(super) fn nearest<T: Copy + Default + Send>(
         Some((source.column(column)?, source.row(row)?))
     };
     let mut pixels = Vec::with_capacity(positions.width);
-    for row in 0..positions.height() {
+    for row in 0..positions.height {
         let (xs, ys) = positions.row(row);
         pixels.clear();
         pixels.extend(xs.iter().zip(ys).map(pixel));

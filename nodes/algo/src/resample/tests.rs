@@ -1,6 +1,8 @@
 use super::*;
 use crate::UNWATCHED;
 use proptest::prelude::*;
+use pulp::Arch;
+use spans::traced;
 
 mod ewa;
 mod wide;
@@ -114,6 +116,68 @@ fn translation_moves_pixels_and_shows_each_edge() {
 }
 
 #[test]
+fn long_runs_beyond_the_edges_are_the_source_again() {
+    let dst = Rect::new(0, 0, 300, 3);
+    let lattice = over(dst, [300, 3]);
+    for width in [1_i64, 2, 17, 50, 90] {
+        let source = Rect::new(0, 0, width, 3);
+        let planes: Vec<_> = (0..4).map(|seed| noise(3 * width as usize, seed)).collect();
+        let positions = Positions::from_map(&lattice, |[x, y]| [x - 120.0, y]);
+        let map = Map::Backward { lattice: &lattice, positions: &positions };
+        for (filter, edge) in FILTERS.into_iter().flat_map(|filter| EDGES.map(|edge| (filter, edge))) {
+            let (out, _) = drawn(&map, source, dst, filter, edge, &planes);
+            for (out, plane) in out.iter().zip(&planes) {
+                for (i, &value) in out.iter().enumerate() {
+                    let (x, row) = (i as i64 % 300 - 120, &plane[i / 300 * width as usize..][..width as usize]);
+                    let phase = x.rem_euclid(2 * width);
+                    let column = match edge {
+                        Edge::Transparent if !(0..width).contains(&x) => None,
+                        Edge::Transparent => Some(x),
+                        Edge::Clamp => Some(x.clamp(0, width - 1)),
+                        Edge::Wrap => Some(x.rem_euclid(width)),
+                        Edge::Mirror => Some(phase.min(2 * width - 1 - phase)),
+                    };
+                    assert_eq!(value, column.map_or(0.0, |at| row[at as usize]), "{filter:?} {edge:?} {width} {x}");
+                }
+            }
+        }
+    }
+}
+
+/// Where a row's finite values are taken as they are, a pixel drawn alone is the same, zeros' signs included.
+#[test]
+fn whole_positions_give_the_same_bits_in_a_row_and_alone() {
+    let (source, dst) = (Rect::new(0, 0, 40, 6), Rect::new(-2, 0, 44, 6));
+    let values = [0.0, -0.0, 1e-41, f32::MAX, 0.25, -3.0, -0.0];
+    let planes: Vec<Vec<f32>> =
+        (0..4).map(|k| (0..240).map(|i| values[(i * (k + 2) + i / 40) % 7]).collect()).collect();
+    let lattice = over(dst, [46, 6]);
+    for shift in [[0.0, 0.0], [0.0, 0.25], [3.0, -1.0], [0.5, 0.0]] {
+        let positions = Positions::from_map(&lattice, |[x, y]| [x + shift[0], y + shift[1]]);
+        let map = Map::Backward { lattice: &lattice, positions: &positions };
+        for filter in FILTERS.into_iter().chain([Filter::Mitchell]) {
+            for clamp_ringing in [false, true] {
+                let sampling = Sampling { filter, edge: Edge::Transparent, clamp_ringing };
+                let draw = |window: Rect| {
+                    let [width, height] = [window.width(), window.height()];
+                    let mut out = vec![vec![f32::NAN; width * height]; 4];
+                    let views: Vec<_> = planes.iter().map(|plane| View::packed(plane, 40, 6)).collect();
+                    let outs = out.iter_mut().map(|out| ViewMut::packed(out, width, height)).collect();
+                    draw(&map, source, window, &sampling, &views, outs, UNWATCHED).expect("unwatched");
+                    out.iter().map(|plane| bits(plane)).collect::<Vec<_>>()
+                };
+                let whole = draw(dst);
+                for (i, (x, y)) in (0..6).flat_map(|y| (-2..44).map(move |x| (x, y))).enumerate() {
+                    for (together, alone) in whole.iter().zip(draw(Rect::new(x, y, x + 1, y + 1))) {
+                        assert_eq!(together[i], alone[0], "{filter:?} {clamp_ringing} {shift:?} {x} {y}");
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[test]
 fn half_pixels_weigh_as_the_filters_say() {
     let (source, dst) = (Rect::new(0, 0, 4, 1), Rect::new(-2, 0, 7, 1));
     let lattice = over(source, [2, 1]);
@@ -194,12 +258,13 @@ fn boundary([columns, rows]: [usize; 2]) -> Vec<usize> {
 }
 
 /// How often each pixel of a window is owned by a cell of the lattice.
-fn owners(lattice: &Lattice, positions: &Positions, window: Rect) -> Vec<u32> {
+fn owners(arch: Arch, lattice: &Lattice, positions: &Positions, window: Rect) -> Vec<u32> {
     let mut counts = vec![0; window.width() * window.height()];
     let mut spans = spans::Spans::new(&window);
     let mut count = |polygon: [usize; 4], corners: usize| {
         let [a, b, c, d] = polygon.map(|node| [positions.x[node], positions.y[node]]);
-        let rows = if corners == 4 { spans.trace(&[a, b, c, d]) } else { spans.trace(&[a, b, c]) };
+        let rows =
+            if corners == 4 { traced(arch, &mut spans, &[a, b, c, d]) } else { traced(arch, &mut spans, &[a, b, c]) };
         for row in rows {
             for column in spans.run(row) {
                 counts[row * window.width() + column] += 1;
@@ -233,9 +298,11 @@ fn every_pixel_of_the_image_is_owned_once() {
         let polygon: Vec<_> = boundary(lattice.nodes).iter().map(|&node| in_quarters(&positions, node)).collect();
         let expected: Vec<u32> =
             (0..48 * 40).map(|i| u32::from(holds(&polygon, [i % 48 * 4 + 2, i / 48 * 4 + 2]))).collect();
-        let found = owners(&lattice, &positions, window);
-        for i in 0..48 * 40 {
-            assert_eq!(found[i], expected[i], "seed {seed}, pixel {} {}", i % 48, i / 48);
+        for arch in [Arch::Scalar, Arch::new()] {
+            let found = owners(arch, &lattice, &positions, window);
+            for i in 0..48 * 40 {
+                assert_eq!(found[i], expected[i], "{arch:?}, seed {seed}, pixel {} {}", i % 48, i / 48);
+            }
         }
         on_edges +=
             (0..lattice.node_count()).filter(|&i| in_quarters(&positions, i).iter().all(|q| q % 4 == 2)).count();
@@ -264,7 +331,7 @@ fn an_arrowhead_fills_its_outline() {
     let mut positions = Positions::from_map(&lattice, |p| p);
     for middle in [[6.5, 6.5], [7.0, 6.25], [1.5, 1.0], [7.5, 0.5]] {
         [positions.x[4], positions.y[4]] = middle;
-        assert_eq!(owners(&lattice, &positions, Rect::new(0, 0, 8, 8)), [1; 64], "{middle:?}");
+        assert_eq!(owners(Arch::new(), &lattice, &positions, Rect::new(0, 0, 8, 8)), [1; 64], "{middle:?}");
     }
 }
 

@@ -421,7 +421,7 @@ fn the_picture_is_halved_only_where_it_shrinks_more_than_4_times() {
         let map = Map::Backward { lattice: &lattice, positions: &positions };
         let (mut out, asked) = (vec![0.0; 81], Asked(AtomicUsize::new(0)));
         let views = [View::packed(&plane, SOURCE.width(), SOURCE.height())];
-        let sampling = Sampling { filter: Filter::Ewa, edge: Edge::Clamp, clamp_ringing: false };
+        let sampling = Sampling { filter: Filter::Ewa, edge: Edge::Mirror, clamp_ringing: false };
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a pool");
         let outs = vec![ViewMut::packed(&mut out, 9, 9)];
         pool.install(|| draw(&map, SOURCE, dst, &sampling, &views, outs, &asked)).expect("nobody stops it");
@@ -444,12 +444,26 @@ fn levels_cover_the_picture_exactly() {
         let source = sample::Source { window: Rect::new(4, 4, 7, 7), edge };
         let levels = pyramid::halved(&source, &view, [1, 2], UNWATCHED).expect("unwatched");
         // A level pixel is 3/2 px wide and high.
-        let expected = [5.25, 11.25, 10.75, 24.75].map(|sum| sum / 2.25);
-        let level = levels[0].view(0);
-        assert!(worst(&[level.row(0), level.row(1)].concat(), &expected) < 1e-6, "{edge:?}");
-        assert!((levels[1].view(0).row(0)[0] - 52.0 / 9.0).abs() < 1e-6);
-        let once = pyramid::halved(&source, &view, [2, 2], UNWATCHED).expect("unwatched");
-        assert!((once[0].view(0).row(0)[0] - 52.0 / 9.0).abs() < 1e-6);
+        let [a, b, c, d] = [5.25, 11.25, 10.75, 24.75].map(|sum| sum / 2.25);
+        let [level, once] = [0, 1].map(|i| levels[i].view(0));
+        if edge == Edge::Clamp {
+            // The rim: means along the border, and its corners.
+            let expected = [
+                [1.0, 5.0 / 3.0, 13.0 / 3.0, 5.0],
+                [5.0 / 3.0, a, b, 17.0 / 3.0],
+                [19.0 / 3.0, c, d, 47.0 / 3.0],
+                [8.0, 16.0 / 3.0, 40.0 / 3.0, 20.0],
+            ];
+            for (row, expected) in expected.iter().enumerate() {
+                assert!(worst(level.row(row), expected) < 1e-5, "{row}: {:?}", level.row(row));
+            }
+            assert!((once.row(1)[1] - 52.0 / 9.0).abs() < 1e-6);
+        } else {
+            assert!(worst(&[level.row(0), level.row(1)].concat(), &[a, b, c, d]) < 1e-6, "{edge:?}");
+            assert!((once.row(0)[0] - 52.0 / 9.0).abs() < 1e-6);
+        }
+        let alone = pyramid::halved(&source, &view, [2, 2], UNWATCHED).expect("unwatched");
+        assert_eq!(bits(alone[0].view(0).row(0)), bits(once.row(0)), "a level is the same whichever others there are");
     }
     assert_eq!([1, 2, 3, 5].map(|side| pyramid::most(&Rect::new(0, 0, side, 1))), [0, 1, 2, 3]);
 }
@@ -474,5 +488,57 @@ fn wide_and_plain_lanes_have_the_same_bits() {
         let plain = ellipse::means(lanes::Plain, [plain; 4]);
         let vectors = ellipse::means(wide, [vectors; 4]);
         assert_eq!(bits(plain.as_flattened()), bits(vectors.as_flattened()), "{matrix:?}");
+    }
+}
+
+/// Draws one plane shrunk about the source's corner, which comes to stand at `shift`.
+fn shrunk_to(source: Rect, plane: &[f32], edge: Edge, dst: Rect, shrink: f64, shift: f64) -> Vec<f32> {
+    let lattice = over(Rect::new(-40, -40, 40, 40), [2, 2]);
+    let positions = Positions::from_map(&lattice, |[x, y]| [shrink * (x - shift), shrink * (y - shift)]);
+    let map = Map::Backward { lattice: &lattice, positions: &positions };
+    drawn(&map, source, dst, Filter::Ewa, edge, &[plane.to_vec()]).0.remove(0)
+}
+
+#[test]
+fn outside_a_clamped_picture_is_its_border() {
+    let source = Rect::new(0, 0, 61, 64);
+    let plane: Vec<f32> = (0..61 * 64).map(|i| if i % 61 == 0 { 1.0 } else { 0.0 }).collect();
+    for shrink in [2.0, 4.0, 5.0, 8.0, 20.0, 64.0, 700.0] {
+        for value in shrunk_to(source, &plane, Edge::Clamp, Rect::new(-40, -9, -30, 9), shrink, 0.0) {
+            assert!((value - 1.0).abs() < 1e-5, "{shrink}: {value}");
+        }
+    }
+}
+
+#[test]
+fn a_picture_shrunk_to_less_than_a_pixel_does_not_vanish() {
+    let source = Rect::new(0, 0, 16, 16);
+    for shrink in [10.0, 20.0, 30.0] {
+        for shift in [-3.0, -2.5, -2.25, -2.1] {
+            let dst = Rect::new(-12, -12, 12, 12);
+            let light: f32 = shrunk_to(source, &[1.0; 256], Edge::Transparent, dst, shrink, shift).iter().sum();
+            let expected = (16.0 / shrink as f32).powi(2);
+            // A picture smaller than a pixel meets the kernel at a point or two.
+            assert!((0.2..1.3).contains(&(light / expected)), "{shrink} {shift}: {light}, not {expected}");
+        }
+    }
+}
+
+#[test]
+fn a_strong_shrink_cropped_is_part_of_the_whole() {
+    let source = Rect::new(0, 0, 65, 67);
+    let plane = noise(65 * 67, 5);
+    let (whole, part) = (Rect::new(0, 0, 120, 20), Rect::new(90, 3, 118, 17));
+    let lattice = over(whole, [24, 4]);
+    // From 1 to 40 times.
+    let positions = Positions::from_map(&lattice, |[x, y]| [x + x * x * 0.16, (1.0 + 0.32 * x) * y]);
+    let map = Map::Backward { lattice: &lattice, positions: &positions };
+    for edge in EDGES {
+        let [all, some] = [whole, part]
+            .map(|dst| drawn(&map, source, dst, Filter::Ewa, edge, std::slice::from_ref(&plane)).0.remove(0));
+        for (i, value) in some.iter().enumerate() {
+            let at = (3 + i / 28) * 120 + 90 + i % 28;
+            assert_eq!(value.to_bits(), all[at].to_bits(), "{edge:?} {i}");
+        }
     }
 }

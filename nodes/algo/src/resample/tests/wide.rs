@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// Four planes are weighed by vectors made for them where the processor has them, one alone by plain loops.
+/// Four planes are weighed by other vectors than one alone, where the processor has them.
 #[test]
 fn planes_drawn_together_and_alone_have_the_same_bits() {
     let window = Rect::new(0, 0, 150, 130);
